@@ -1,0 +1,111 @@
+//! What can be wrong with the input of a spline space.
+
+use thiserror::Error;
+
+/// Errors of this crate.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// The degree is not between 1 and the limit (0 is allowed nowhere: the surfaces would not be continuous).
+    #[error("degree {given} is not between 1 and {limit}")]
+    Degree {
+        /// The degree asked for.
+        given: usize,
+        /// The largest degree.
+        limit: usize,
+    },
+    /// Too few knots for one element.
+    #[error("{given} knots are too few for degree {degree}: at least {needed} are needed")]
+    TooFewKnots {
+        /// Number of knots.
+        given: usize,
+        /// The degree.
+        degree: usize,
+        /// Smallest number of knots, `2 (degree + 1)`.
+        needed: usize,
+    },
+    /// The number of elements is zero or beyond what cell indices can hold.
+    #[error("{given} elements in a direction: between 1 and {limit} are possible")]
+    Elements {
+        /// Number of elements asked for.
+        given: usize,
+        /// The largest number.
+        limit: usize,
+    },
+    /// A knot is not finite or smaller than its predecessor.
+    #[error("knot {index} = {value} is not finite or smaller than the knot before it")]
+    KnotOrder {
+        /// Index of the knot, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A knot occurs too often, or an end knot not often enough.
+    #[error(
+        "knot {value} occurs {given} times; degree {degree} asks for {degree}+1 times at the ends and at most as often inside"
+    )]
+    Multiplicity {
+        /// The knot.
+        value: f64,
+        /// How often it occurs.
+        given: usize,
+        /// The degree.
+        degree: usize,
+    },
+    /// A parameter lies outside the domain, or is not finite.
+    #[error("parameter {value} in direction {direction} lies outside the domain [{lower}, {upper}]")]
+    OutsideDomain {
+        /// The parameter.
+        value: f64,
+        /// The direction, from 0.
+        direction: usize,
+        /// Lower end of the domain.
+        lower: f64,
+        /// Upper end of the domain.
+        upper: f64,
+    },
+    /// An array has a wrong number of rows or columns.
+    #[error("{what}: {given} given, {expected} expected")]
+    Shape {
+        /// What was counted.
+        what: &'static str,
+        /// The number found.
+        given: usize,
+        /// The number expected.
+        expected: usize,
+    },
+    /// A coefficient is NaN or infinite.
+    #[error("coefficient {row}, component {component}, is not finite")]
+    NotFinite {
+        /// Row of the coefficient.
+        row: usize,
+        /// Component within the row.
+        component: usize,
+    },
+    /// More levels than the crate stores.
+    #[error("level {given} is beyond the finest possible level {limit}")]
+    TooManyLevels {
+        /// The level asked for, from 0.
+        given: usize,
+        /// The finest level possible.
+        limit: usize,
+    },
+    /// A cell, named by level and index, is not part of the grid of its level.
+    #[error("cell {index} of level {level} in direction {direction} does not exist: the level has {cells} cells there")]
+    NoSuchCell {
+        /// Level, from 0.
+        level: usize,
+        /// The direction, from 0.
+        direction: usize,
+        /// Index of the cell.
+        index: usize,
+        /// Number of cells in that direction.
+        cells: usize,
+    },
+    /// Coefficients can be transferred to a refinement of the same space only.
+    #[error("the target space is no refinement of the source space: {reason}")]
+    NotNested {
+        /// What differs.
+        reason: &'static str,
+    },
+}

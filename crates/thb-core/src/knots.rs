@@ -1,0 +1,288 @@
+//! Knot vectors and univariate B-splines.
+
+use std::ops::Range;
+
+use ndarray::{Array2, ArrayView2};
+
+use crate::{Error, MAX_DEGREE};
+
+/// Values of up to `MAX_DEGREE + 1` functions, on the stack.
+pub(crate) type Row = [f64; MAX_DEGREE + 1];
+
+/// Largest number of elements of level 0 in one direction: cell indices of the finest level must fit in 32 bits.
+const MAX_ELEMENTS: usize = 1 << 16;
+
+/// An open knot vector: non-decreasing, end knots of multiplicity `p + 1`, inner knots of multiplicity at most `p + 1`.
+///
+/// A *span* is a non-empty knot interval `[breaks[s], breaks[s+1])`; the last one is closed. Function `i` has the support
+/// `[knots[i], knots[i+p+1]]` (Imperatore 2024, §2.1.1).
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnotVector {
+    degree: usize,
+    knots: Vec<f64>,
+    breaks: Vec<f64>,
+    /// For each span the index of the last knot at its left end.
+    span_knot: Vec<usize>,
+    /// For each knot the index of its value among the breaks.
+    break_of_knot: Vec<usize>,
+}
+
+impl KnotVector {
+    /// An open knot vector from its knots.
+    ///
+    /// # Errors
+    /// [`Error::Degree`], [`Error::TooFewKnots`], [`Error::KnotOrder`], [`Error::Multiplicity`], [`Error::Elements`].
+    pub fn new(degree: usize, knots: Vec<f64>) -> Result<Self, Error> {
+        if !(1..=MAX_DEGREE).contains(&degree) {
+            return Err(Error::Degree { given: degree, limit: MAX_DEGREE });
+        }
+        let needed = 2 * (degree + 1);
+        if knots.len() < needed {
+            return Err(Error::TooFewKnots { given: knots.len(), degree, needed });
+        }
+        let (mut breaks, mut span_knot, mut break_of_knot) = (Vec::new(), Vec::new(), Vec::with_capacity(knots.len()));
+        let mut multiplicity = 0;
+        for (index, &value) in knots.iter().enumerate() {
+            if !value.is_finite() || breaks.last().is_some_and(|&b| value < b) {
+                return Err(Error::KnotOrder { index, value });
+            }
+            if breaks.last().is_none_or(|&b| value > b) {
+                if let Some(&previous) = breaks.last() {
+                    let first = breaks.len() == 1;
+                    if multiplicity > degree + 1 || (first && multiplicity < degree + 1) {
+                        return Err(Error::Multiplicity { value: previous, given: multiplicity, degree });
+                    }
+                    span_knot.push(index - 1);
+                }
+                breaks.push(value);
+                multiplicity = 0;
+            }
+            multiplicity += 1;
+            break_of_knot.push(breaks.len() - 1);
+        }
+        if multiplicity != degree + 1 || breaks.len() < 2 {
+            let value = knots[knots.len() - 1];
+            return Err(Error::Multiplicity { value, given: multiplicity, degree });
+        }
+        Ok(Self { degree, knots, breaks, span_knot, break_of_knot })
+    }
+
+    /// The open knot vector with `elements` equal spans on `[0, 1]` and simple inner knots.
+    ///
+    /// # Errors
+    /// [`Error::Degree`], [`Error::Elements`].
+    pub fn uniform(degree: usize, elements: usize) -> Result<Self, Error> {
+        if !(1..=MAX_ELEMENTS).contains(&elements) {
+            return Err(Error::Elements { given: elements, limit: MAX_ELEMENTS });
+        }
+        let inner = (1..elements).map(|i| i as f64 / elements as f64);
+        let ends = |value| std::iter::repeat_n(value, degree + 1);
+        Self::new(degree, ends(0.0).chain(inner).chain(ends(1.0)).collect())
+    }
+
+    /// The same knots on another interval.
+    ///
+    /// # Errors
+    /// [`Error::KnotOrder`] if the interval is empty or not finite.
+    pub fn on_interval(&self, lower: f64, upper: f64) -> Result<Self, Error> {
+        let (a, b) = self.domain();
+        let place = |t: f64| if t == b { upper } else { lower + (t - a) / (b - a) * (upper - lower) };
+        Self::new(self.degree, self.knots.iter().map(|&t| place(t)).collect())
+    }
+
+    /// The polynomial degree.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+
+    /// All knots, with repetitions.
+    pub fn knots(&self) -> &[f64] {
+        &self.knots
+    }
+
+    /// The different knots, increasing; one more than there are spans.
+    pub fn breaks(&self) -> &[f64] {
+        &self.breaks
+    }
+
+    /// First and last knot.
+    pub fn domain(&self) -> (f64, f64) {
+        (self.breaks[0], self.breaks[self.n_spans()])
+    }
+
+    /// Number of B-splines.
+    pub fn n_functions(&self) -> usize {
+        self.knots.len() - self.degree - 1
+    }
+
+    /// Number of non-empty knot intervals.
+    pub fn n_spans(&self) -> usize {
+        self.span_knot.len()
+    }
+
+    /// The first of the `degree + 1` B-splines that do not vanish on a span.
+    pub fn first_function(&self, span: usize) -> usize {
+        self.span_knot[span] - self.degree
+    }
+
+    /// The spans in the support of a B-spline.
+    pub fn support(&self, function: usize) -> Range<usize> {
+        self.break_of_knot[function]..self.break_of_knot[function + self.degree + 1]
+    }
+
+    /// The span that holds `u`: half-open, the last one closed. `None` outside the domain and for NaN.
+    pub fn span_at(&self, u: f64) -> Option<usize> {
+        let (lower, upper) = self.domain();
+        if !(lower..=upper).contains(&u) {
+            return None;
+        }
+        let last = self.n_spans() - 1;
+        // Knots are mostly equidistant: start where they would be, then walk.
+        let mut span = (((u - lower) / (upper - lower) * (last + 1) as f64) as usize).min(last);
+        if self.breaks[span] <= u && (span == last || u < self.breaks[span + 1]) {
+            return Some(span);
+        }
+        span = self.breaks.partition_point(|&b| b <= u);
+        Some(span.saturating_sub(1).min(last))
+    }
+
+    /// Greville abscissae: the means of `degree` consecutive knots, one per B-spline. B-spline coefficients equal to
+    /// them give the identity.
+    pub fn greville(&self) -> Vec<f64> {
+        let p = self.degree;
+        (0..self.n_functions()).map(|i| self.knots[i + 1..=i + p].iter().sum::<f64>() / p as f64).collect()
+    }
+
+    /// The knot vector with the midpoint of each span inserted once.
+    pub fn refined(&self) -> Self {
+        let mut knots = Vec::with_capacity(self.knots.len() + self.n_spans());
+        for (i, &knot) in self.knots.iter().enumerate() {
+            knots.push(knot);
+            if let Some(&next) = self.knots.get(i + 1).filter(|&&next| next > knot) {
+                knots.push(knot + 0.5 * (next - knot));
+            }
+        }
+        let n_spans = 2 * self.n_spans();
+        let (mut breaks, mut span_knot, mut break_of_knot) =
+            (Vec::with_capacity(n_spans + 1), Vec::with_capacity(n_spans), Vec::with_capacity(knots.len()));
+        for (index, &value) in knots.iter().enumerate() {
+            if breaks.last().is_none_or(|&b| value > b) {
+                if index > 0 {
+                    span_knot.push(index - 1);
+                }
+                breaks.push(value);
+            }
+            break_of_knot.push(breaks.len() - 1);
+        }
+        Self { degree: self.degree, knots, breaks, span_knot, break_of_knot }
+    }
+
+    /// The knot vector with further knots, and the coefficients `(n_functions, N)` in its B-splines.
+    ///
+    /// # Errors
+    /// As [`KnotVector::new`], where an inserted knot lies outside the domain or becomes too frequent; [`Error::Shape`].
+    pub fn insert(&self, further: &[f64], coefficients: ArrayView2<'_, f64>) -> Result<(Self, Array2<f64>), Error> {
+        let (given, expected) = (coefficients.nrows(), self.n_functions());
+        if given != expected {
+            return Err(Error::Shape { what: "rows of coefficients", given, expected });
+        }
+        let mut knots: Vec<f64> = self.knots.iter().chain(further).copied().collect();
+        knots.sort_by(f64::total_cmp);
+        let fine = Self::new(self.degree, knots)?;
+        let mut refined = Array2::zeros((fine.n_functions(), coefficients.ncols()));
+        for (j, mut target) in refined.outer_iter_mut().enumerate() {
+            let (first, weights) = self.coefficient_weights(&fine, j);
+            for (i, weight) in weights[..=self.degree].iter().enumerate() {
+                target.scaled_add(*weight, &coefficients.row(first + i));
+            }
+        }
+        Ok((fine, refined))
+    }
+
+    /// Values of the `degree + 1` B-splines that do not vanish at `u`, with the index of the first.
+    ///
+    /// # Errors
+    /// [`Error::OutsideDomain`].
+    pub fn basis(&self, u: f64) -> Result<(usize, Vec<f64>), Error> {
+        self.basis_derivatives(u, 0).map(|(first, mut rows)| (first, rows.swap_remove(0)))
+    }
+
+    /// Derivatives of order `0..=order` of the `degree + 1` B-splines that do not vanish at `u`: the index of the first,
+    /// and one row of `degree + 1` numbers per order. At a knot the derivatives are those of the span to its right.
+    ///
+    /// # Errors
+    /// [`Error::OutsideDomain`].
+    pub fn basis_derivatives(&self, u: f64, order: usize) -> Result<(usize, Vec<Vec<f64>>), Error> {
+        let (lower, upper) = self.domain();
+        let span = self.span_at(u).ok_or(Error::OutsideDomain { value: u, direction: 0, lower, upper })?;
+        let p = self.degree;
+        let mu = self.span_knot[span];
+        let rows = (0..=order)
+            .map(|r| {
+                if r > p {
+                    return vec![0.0; p + 1];
+                }
+                // Values of degree p − r, then r times N' = q (N_i/(t_{i+q}−t_i) − N_{i+1}/(t_{i+q+1}−t_{i+1})).
+                let mut values = vec![0.0; p + 1];
+                let low = discrete_bsplines(&self.knots, mu, p - r, |_| u);
+                values[..=p - r].copy_from_slice(&low[..=p - r]);
+                for q in p - r + 1..=p {
+                    let mut raised = vec![0.0; p + 1];
+                    for i in 0..q {
+                        let left = mu + 1 + i - q;
+                        let slope = q as f64 * values[i] / (self.knots[left + q] - self.knots[left]);
+                        raised[i] -= slope;
+                        raised[i + 1] += slope;
+                    }
+                    values = raised;
+                }
+                values
+            })
+            .collect();
+        Ok((mu - p, rows))
+    }
+
+    /// Bézier matrix of a span, `(degree + 1)²` row-major: row `i` holds the Bernstein coefficients of the span's `i`-th
+    /// B-spline.
+    pub(crate) fn bezier_matrix(&self, span: usize) -> Vec<f64> {
+        let p = self.degree;
+        let (a, b) = (self.breaks[span], self.breaks[span + 1]);
+        let mut matrix = vec![0.0; (p + 1) * (p + 1)];
+        for k in 0..=p {
+            let weights = discrete_bsplines(&self.knots, self.span_knot[span], p, |r| if r < p - k { a } else { b });
+            for i in 0..=p {
+                matrix[i * (p + 1) + k] = weights[i];
+            }
+        }
+        matrix
+    }
+
+    /// Weights of this vector's coefficients in coefficient `j` of a refinement: the first index and the weights.
+    pub(crate) fn coefficient_weights(&self, fine: &Self, j: usize) -> (usize, Row) {
+        let p = self.degree;
+        let at = fine.knots[j];
+        let span = self.breaks.partition_point(|&b| b <= at).saturating_sub(1).min(self.n_spans() - 1);
+        let mu = self.span_knot[span];
+        (mu - p, discrete_bsplines(&self.knots, mu, p, |r| fine.knots[j + 1 + r]))
+    }
+}
+
+/// Discrete B-splines (Oslo algorithm): the Cox–de Boor recursion on the knot span `mu`, with its own argument at each
+/// of the `degree` steps. Equal arguments give the values of the B-splines; `degree` consecutive knots of a refined
+/// vector give the weights of knot insertion, which are non-negative, with exact zeros where they must vanish.
+fn discrete_bsplines(knots: &[f64], mu: usize, degree: usize, argument: impl Fn(usize) -> f64) -> Row {
+    let mut values = Row::default();
+    values[0] = 1.0;
+    for q in 1..=degree {
+        let x = argument(q - 1);
+        let mut carried = 0.0;
+        for i in 0..q {
+            let (left, right) = (knots[mu + 1 + i - q], knots[mu + 1 + i]);
+            let share = values[i] / (right - left);
+            values[i] = carried + (right - x) * share;
+            carried = (x - left) * share;
+        }
+        values[q] = carried;
+    }
+    values
+}

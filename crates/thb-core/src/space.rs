@@ -1,0 +1,170 @@
+//! What fitting needs to know of a function space: cells, and on each cell a few polynomials.
+
+use crate::Error;
+
+/// How the functions of a cell combine its tensor-product B-splines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Extraction<'a> {
+    /// The functions are the B-splines themselves, in order.
+    Identity,
+    /// Row-major, one row per function, one column per local B-spline.
+    Matrix(&'a [f64]),
+}
+
+/// One cell of a space: a box on which every function of the space is a polynomial.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell<'a, const D: usize> {
+    /// Lower corner, in parameters.
+    pub lower: [f64; D],
+    /// Upper corner.
+    pub upper: [f64; D],
+    /// The functions that do not vanish on the cell, increasing.
+    pub functions: &'a [u32],
+    /// Functions as combinations of the `∏(p_d + 1)` local B-splines, first direction fastest.
+    pub extraction: Extraction<'a>,
+    /// Per direction the Bézier matrix, `(p_d + 1)²` row-major: row `i` holds the Bernstein coefficients of B-spline `i`.
+    pub bezier: [&'a [f64]; D],
+    /// Degree per direction.
+    pub degree: [usize; D],
+}
+
+/// A finite-dimensional space of functions on a box, made of cells.
+///
+/// Implemented by tensor-product polynomials and B-splines ([`crate::TensorSpace`]) and by HB- and THB-splines
+/// ([`crate::HierarchicalSpace`]).
+pub trait CellSpace<const D: usize>: Send + Sync {
+    /// Number of basis functions.
+    fn n_functions(&self) -> usize;
+    /// Degree per direction.
+    fn degree(&self) -> [usize; D];
+    /// Lower and upper corner of the domain.
+    fn domain(&self) -> ([f64; D], [f64; D]);
+    /// Number of cells.
+    fn n_cells(&self) -> usize;
+    /// A cell by its number.
+    fn cell(&self, cell: usize) -> Cell<'_, D>;
+    /// The cell that holds a parameter; cells are half-open, the last one in each direction closed.
+    ///
+    /// # Errors
+    /// [`Error::OutsideDomain`], also for NaN.
+    fn locate_cell(&self, u: [f64; D]) -> Result<usize, Error>;
+}
+
+impl<const D: usize> Cell<'_, D> {
+    /// Number of local B-splines, `∏(p_d + 1)`.
+    pub fn n_local(&self) -> usize {
+        self.degree.iter().map(|p| p + 1).product()
+    }
+
+    /// Edge lengths.
+    pub fn size(&self) -> [f64; D] {
+        std::array::from_fn(|d| self.upper[d] - self.lower[d])
+    }
+
+    /// Coefficients of the local B-splines, `(n_local, n)`, from those of all functions, `(n_functions, n)`; both row-major.
+    pub fn local_coefficients(&self, coefficients: &[f64], n: usize, out: &mut Vec<f64>) {
+        out.clear();
+        out.resize(self.n_local() * n, 0.0);
+        let row_of = |function: u32| &coefficients[function as usize * n..][..n];
+        match self.extraction {
+            Extraction::Identity => {
+                for (target, &function) in out.chunks_exact_mut(n).zip(self.functions) {
+                    target.copy_from_slice(row_of(function));
+                }
+            }
+            Extraction::Matrix(matrix) => {
+                for (weights, &function) in matrix.chunks_exact(self.n_local()).zip(self.functions) {
+                    let source = row_of(function);
+                    for (target, &weight) in out.chunks_exact_mut(n).zip(weights) {
+                        for k in 0..n {
+                            target[k] += weight * source[k];
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Bernstein coefficients on the cell, `(n_local, n)`, from those of all functions.
+    pub fn bernstein_coefficients(&self, coefficients: &[f64], n: usize, out: &mut Vec<f64>) {
+        self.local_coefficients(coefficients, n, out);
+        let mut scratch = [0.0; crate::MAX_DEGREE + 1];
+        for d in 0..D {
+            // Contract direction d with the transposed Bézier matrix.
+            for_each_line(&self.degree, n, d, |start, stride, order| {
+                for j in 0..order {
+                    scratch[j] = (0..order).map(|i| self.bezier[d][i * order + j] * out[start + i * stride]).sum();
+                }
+                for j in 0..order {
+                    out[start + j * stride] = scratch[j];
+                }
+            });
+        }
+    }
+
+    /// Turns a matrix in the Bernstein basis of the cell, `(n_local, columns)` row-major, into one whose rows belong to
+    /// the cell's functions, `(n_active, columns)`: multiplies with extraction and Bézier matrices from the left.
+    pub fn pull_back(&self, bernstein: &mut Vec<f64>, columns: usize, scratch: &mut Vec<f64>) {
+        let mut line = [0.0; crate::MAX_DEGREE + 1];
+        for d in 0..D {
+            for_each_line(&self.degree, columns, d, |start, stride, order| {
+                for i in 0..order {
+                    line[i] = (0..order).map(|j| self.bezier[d][i * order + j] * bernstein[start + j * stride]).sum();
+                }
+                for i in 0..order {
+                    bernstein[start + i * stride] = line[i];
+                }
+            });
+        }
+        if let Extraction::Matrix(matrix) = self.extraction {
+            scratch.clear();
+            scratch.resize(self.functions.len() * columns, 0.0);
+            for (target, weights) in scratch.chunks_exact_mut(columns).zip(matrix.chunks_exact(self.n_local())) {
+                for (source, &weight) in bernstein.chunks_exact(columns).zip(weights) {
+                    if weight != 0.0 {
+                        for k in 0..columns {
+                            target[k] += weight * source[k];
+                        }
+                    }
+                }
+            }
+            std::mem::swap(bernstein, scratch);
+        }
+    }
+
+    /// Turns a symmetric matrix in the Bernstein basis, `(n_local, n_local)`, into the one of the cell's functions,
+    /// `(n_active, n_active)`: the congruence with extraction and Bézier matrices.
+    pub fn pull_back_symmetric(&self, bernstein: &mut Vec<f64>, scratch: &mut Vec<f64>) {
+        let (n_local, n_active) = (self.n_local(), self.functions.len());
+        self.pull_back(bernstein, n_local, scratch);
+        transpose(bernstein, n_active, n_local, scratch);
+        self.pull_back(bernstein, n_active, scratch);
+    }
+}
+
+fn transpose(matrix: &mut Vec<f64>, rows: usize, columns: usize, scratch: &mut Vec<f64>) {
+    scratch.clear();
+    for j in 0..columns {
+        scratch.extend((0..rows).map(|i| matrix[i * columns + j]));
+    }
+    std::mem::swap(matrix, scratch);
+}
+
+/// Calls `line(start, stride, order)` for each line along direction `d` of an array with `∏(p_d + 1)` rows (first
+/// direction fastest) of `n` numbers each.
+#[inline]
+pub(crate) fn for_each_line<const D: usize>(
+    degree: &[usize; D],
+    n: usize,
+    d: usize,
+    mut line: impl FnMut(usize, usize, usize),
+) {
+    let stride: usize = n * degree[..d].iter().map(|p| p + 1).product::<usize>();
+    let order = degree[d] + 1;
+    let outer: usize = degree[d + 1..].iter().map(|p| p + 1).product();
+    for block in 0..outer {
+        for inner in 0..stride {
+            line(block * stride * order + inner, stride, order);
+        }
+    }
+}

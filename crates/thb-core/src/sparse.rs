@@ -1,0 +1,135 @@
+//! Symmetric sparse matrices with the pattern of a space, lower triangle by columns.
+
+use std::sync::Arc;
+
+use crate::CellSpace;
+
+/// Which pairs of functions share a cell: the lower triangle in compressed columns, rows increasing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SymmetricPattern {
+    n: usize,
+    columns: Arc<[usize]>,
+    rows: Arc<[usize]>,
+}
+
+impl SymmetricPattern {
+    /// The pattern of a space.
+    pub fn new<const D: usize, S: CellSpace<D>>(space: &S) -> Self {
+        let n = space.n_functions();
+        // Cells of each function, then for each function the union of the larger functions of its cells.
+        let mut starts = vec![0_usize; n + 1];
+        for cell in 0..space.n_cells() {
+            space.cell(cell).functions.iter().for_each(|&f| starts[f as usize + 1] += 1);
+        }
+        for i in 0..n {
+            starts[i + 1] += starts[i];
+        }
+        let mut next = starts.clone();
+        let mut cells = vec![0_u32; starts[n]];
+        for cell in 0..space.n_cells() {
+            for &f in space.cell(cell).functions {
+                cells[next[f as usize]] = cell as u32;
+                next[f as usize] += 1;
+            }
+        }
+        let mut columns = Vec::with_capacity(n + 1);
+        let mut rows: Vec<usize> = Vec::new();
+        let mut last_column = vec![usize::MAX; n];
+        columns.push(0);
+        for column in 0..n {
+            let start = rows.len();
+            for &cell in &cells[starts[column]..starts[column + 1]] {
+                let functions = space.cell(cell as usize).functions;
+                for &f in &functions[functions.partition_point(|&f| (f as usize) < column)..] {
+                    if last_column[f as usize] != column {
+                        last_column[f as usize] = column;
+                        rows.push(f as usize);
+                    }
+                }
+            }
+            rows[start..].sort_unstable();
+            columns.push(rows.len());
+        }
+        Self { n, columns: columns.into(), rows: rows.into() }
+    }
+
+    /// Number of rows and columns.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Start of each column among the rows, `n + 1` numbers.
+    pub fn columns(&self) -> &[usize] {
+        &self.columns
+    }
+
+    /// Row indices, increasing in each column, from the diagonal down.
+    pub fn rows(&self) -> &[usize] {
+        &self.rows
+    }
+}
+
+/// A symmetric matrix with the pattern of a space.
+#[derive(Clone, Debug)]
+pub struct SymmetricMatrix {
+    pattern: SymmetricPattern,
+    values: Vec<f64>,
+}
+
+impl SymmetricMatrix {
+    /// The zero matrix; shares the pattern.
+    pub fn zeros(pattern: &SymmetricPattern) -> Self {
+        Self { values: vec![0.0; pattern.rows.len()], pattern: pattern.clone() }
+    }
+
+    /// The pattern.
+    pub fn pattern(&self) -> &SymmetricPattern {
+        &self.pattern
+    }
+
+    /// Values of the lower triangle, in the order of the pattern.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Values of the lower triangle, to change.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// Adds a cell's matrix, `(n_active, n_active)` row-major; `functions` increasing and part of the pattern.
+    pub fn add_cell(&mut self, functions: &[u32], matrix: &[f64]) {
+        let n_active = functions.len();
+        for (j, &column) in functions.iter().enumerate() {
+            let range = self.pattern.columns[column as usize]..self.pattern.columns[column as usize + 1];
+            let rows = &self.pattern.rows[range.clone()];
+            let values = &mut self.values[range];
+            let mut at = 0;
+            for (i, &row) in functions.iter().enumerate().skip(j) {
+                at += rows[at..].iter().take_while(|&&r| r < row as usize).count();
+                values[at] += matrix[i * n_active + j];
+            }
+        }
+    }
+
+    /// Sum of the diagonal.
+    pub fn trace(&self) -> f64 {
+        // The diagonal opens each column of the lower triangle.
+        (0..self.pattern.n).map(|j| self.values[self.pattern.columns[j]]).sum()
+    }
+
+    /// The product with a vector.
+    pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
+        let mut y = vec![0.0; self.pattern.n];
+        for j in 0..self.pattern.n {
+            for k in self.pattern.columns[j]..self.pattern.columns[j + 1] {
+                let i = self.pattern.rows[k];
+                y[i] += self.values[k] * x[j];
+                if i != j {
+                    y[j] += self.values[k] * x[i];
+                }
+            }
+        }
+        y
+    }
+}
