@@ -1,1 +1,93 @@
-//! adaptive
+//! The adaptive loop SOLVE → ESTIMATE → MARK → REFINE, written once for every fitting method.
+//!
+//! A method implements [`Solve`]; [`run`] does the rest: it marks cells by [`Marking`], refines them, stops by the rules
+//! of [`Options`] and keeps a [`History`](Outcome::history). The loop does not know how a method solves.
+
+mod mark;
+mod run;
+
+pub use mark::{Marking, mark};
+pub use run::{Iteration, Observer, Options, Outcome, Seconds, Stop, run};
+
+use std::sync::Arc;
+
+use thb_core::{HierarchicalSpace, SplineMap};
+
+/// A method that fits a spline map in a given space.
+pub trait Solve<const D: usize> {
+    /// What can go wrong.
+    type Error: std::error::Error;
+
+    /// SOLVE: fits in a space. `previous` is the result on the space before, which the new one refines.
+    ///
+    /// # Errors
+    /// Those of the method.
+    fn solve(
+        &mut self,
+        space: &Arc<HierarchicalSpace<D>>,
+        previous: Option<&SplineMap<D>>,
+    ) -> Result<Solution<D>, Self::Error>;
+
+    /// ESTIMATE: the error of each point, sorted by cell of the map's space.
+    ///
+    /// # Errors
+    /// Those of the method.
+    fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, Self::Error>;
+}
+
+/// A fitted map, and how long its parts took.
+#[derive(Clone, Debug)]
+pub struct Solution<const D: usize> {
+    /// The map.
+    pub map: SplineMap<D>,
+    /// Seconds spent on setting up equations.
+    pub assemble_seconds: f64,
+    /// Seconds spent on solving them.
+    pub solve_seconds: f64,
+}
+
+/// Distances of points to the map at their parameters.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate<'a> {
+    /// Errors of cell `c`: `errors[offsets[c]..offsets[c + 1]]`.
+    pub offsets: &'a [usize],
+    /// The error of each point, sorted by cell.
+    pub errors: &'a [f64],
+}
+
+/// Summary of the errors of all points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deviation {
+    /// Number of points.
+    pub points: usize,
+    /// Largest distance.
+    pub max: f64,
+    /// Mean of the squared distances.
+    pub mse: f64,
+    /// Share of the points whose distance is at most the tolerance.
+    pub within: f64,
+}
+
+impl Deviation {
+    /// The summary of distances with respect to a tolerance. Sums run in the order of the slice.
+    pub fn new(errors: &[f64], tolerance: f64) -> Self {
+        let count = errors.len().max(1) as f64;
+        let (mut max, mut squares, mut inside) = (0.0_f64, 0.0, 0_usize);
+        // Partial sums over short runs keep round-off small, whatever the number of points.
+        for run in errors.chunks(256) {
+            let mut partial = 0.0;
+            for &e in run {
+                max = max.max(e);
+                partial += e * e;
+                inside += usize::from(e <= tolerance);
+            }
+            squares += partial;
+        }
+        Self { points: errors.len(), max, mse: squares / count, within: inside as f64 / count }
+    }
+
+    /// Root of the mean of the squared distances.
+    pub fn rmse(&self) -> f64 {
+        self.mse.sqrt()
+    }
+}

@@ -1,1 +1,21 @@
-//! geom-io
+//! Readers of point clouds and meshes, writers of meshes.
+//!
+//! One module a format. Readers take the whole file into memory and parse bytes; writers go through
+//! [`write_atomically`], so that a file of the given name is either complete or untouched.
+//! This crate does not compute: no scaling, no parameterization, no cleaning of what was read.
+//!
+//! ```
+//! use geom_io::{Format, ReadOptions, parse_scan};
+//!
+//! let scan = parse_scan(b"# a corner\n0 0 0\n1 0 0\n0 1 0.5\n", Format::Xyz, &ReadOptions::default())?;
+//! assert_eq!(scan.cloud.points.dim(), (3, 3));
+//! # Ok::<(), geom_io::ReadErrorKind>(())
+//! ```
+
+mod error;
+mod read;
+mod write;
+
+pub use error::{Location, ReadError, ReadErrorKind, WriteError};
+pub use read::{Format, ReadOptions, Scan, parse_scan, read_scan};
+pub use write::{ColourMap, MeshFormat, MeshStyle, MeshWithScalars, Scalars, write_atomically, write_mesh};

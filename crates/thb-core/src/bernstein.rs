@@ -53,41 +53,43 @@ pub fn derivatives(degree: usize, order: usize, t: f64, out: &mut [f64]) {
     }
 }
 
-/// Values of the Bernstein polynomials at a block of parameters: `out[k][b] = B_k(t[b])`.
+/// Values of the Bernstein polynomials at the first `len` parameters of a block: `out[k][b] = B_k(t[b])`.
 #[inline(always)]
-pub fn values_block(degree: usize, t: &Block, out: &mut [Block]) {
-    let mut s = [0.0; BLOCK];
-    for b in 0..BLOCK {
-        s[b] = 1.0 - t[b];
-    }
+pub fn values_block(degree: usize, t: &Block, len: usize, out: &mut [Block]) {
+    let len = len.min(BLOCK);
     // Powers of t upwards, then powers of 1 − t multiplied in downwards: no differences, so no cancellation.
-    out[0] = [1.0; BLOCK];
+    out[0][..len].fill(1.0);
     for k in 1..=degree {
         let (low, high) = out.split_at_mut(k);
-        for b in 0..BLOCK {
+        for b in 0..len {
             high[0][b] = low[k - 1][b] * t[b];
         }
     }
-    let mut power = s;
+    let mut power = [1.0; BLOCK];
     for k in (0..degree).rev() {
         let factor = binomial(degree, k);
         let row = &mut out[k];
-        for b in 0..BLOCK {
+        for b in 0..len {
+            power[b] *= 1.0 - t[b];
             row[b] *= factor * power[b];
-            power[b] *= s[b];
         }
     }
 }
 
-/// The sum of `a[b] * c[b]`, in `LANES` partial sums.
+/// Adds the products of the first `len` entries, a multiple of `LANES`, to the partial sums.
 #[inline(always)]
-pub fn dot_block(a: &Block, c: &Block) -> f64 {
-    let mut sums = [0.0; LANES];
-    for (x, y) in a.chunks_exact(LANES).zip(c.chunks_exact(LANES)) {
+pub fn add_products(a: &Block, c: &Block, len: usize, sums: &mut [f64; LANES]) {
+    let mut partial = *sums;
+    for (x, y) in a[..len].chunks_exact(LANES).zip(c[..len].chunks_exact(LANES)) {
         for lane in 0..LANES {
-            sums[lane] += x[lane] * y[lane];
+            partial[lane] += x[lane] * y[lane];
         }
     }
+    *sums = partial;
+}
+
+/// The total of partial sums, in a fixed order.
+pub fn total(sums: &[f64; LANES]) -> f64 {
     ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7]))
 }
 
@@ -179,7 +181,7 @@ mod tests {
         let t: Block = std::array::from_fn(|b| b as f64 / (BLOCK - 1) as f64);
         for degree in 1..=2 * MAX_DEGREE {
             let mut rows = vec![[0.0; BLOCK]; degree + 1];
-            values_block(degree, &t, &mut rows);
+            values_block(degree, &t, BLOCK, &mut rows);
             let mut single = vec![0.0; degree + 1];
             for b in 0..BLOCK {
                 values(degree, t[b], &mut single);

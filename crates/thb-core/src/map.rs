@@ -193,44 +193,45 @@ impl<const D: usize> BezierMap<D> {
         }
     }
 
-    /// Points of one cell at a block of parameters, `out[k][b]` the component `k` at parameter `b`. `basis` is scratch of
-    /// `∑(p_d + 1) + 1` blocks at least.
+    /// Points of one cell at the first `len` of a block of local parameters (0 to 1 across the cell): `out[k][b]` is the
+    /// component `k` at parameter `b`. `basis` is scratch of `∑(p_d + 1) + 2` blocks at least.
     #[inline(always)]
-    pub fn points_block(&self, cell: usize, t: &[Block; D], basis: &mut [Block], out: &mut [Block]) {
+    pub fn points_block(&self, cell: usize, t: &[Block; D], len: usize, basis: &mut [Block], out: &mut [Block]) {
+        let len = len.min(BLOCK);
         let coefficients = self.cell_coefficients(cell);
-        let mut rest = &mut basis[..];
+        let (weights, mut rest) = basis.split_at_mut(2);
+        let [outer, sum] = weights else { return };
         let mut rows: [&[Block]; D] = [&[]; D];
         for d in 0..D {
             let (row, further) = rest.split_at_mut(self.degree[d] + 1);
-            bernstein::values_block(self.degree[d], &t[d], row);
+            bernstein::values_block(self.degree[d], &t[d], len, row);
             rows[d] = row;
             rest = further;
         }
-        let outer_weight = &mut rest[0];
         for row in out.iter_mut() {
-            *row = [0.0; BLOCK];
+            row[..len].fill(0.0);
         }
         let inner = self.degree[0] + 1;
         for (line, local) in coefficients.chunks_exact(inner * self.dim).enumerate() {
-            *outer_weight = [1.0; BLOCK];
+            outer[..len].fill(1.0);
             let mut index = line;
             for d in 1..D {
                 let row = &rows[d][index % (self.degree[d] + 1)];
-                for b in 0..BLOCK {
-                    outer_weight[b] *= row[b];
+                for b in 0..len {
+                    outer[b] *= row[b];
                 }
                 index /= self.degree[d] + 1;
             }
             for (k, target) in out.iter_mut().enumerate() {
-                let mut sum = [0.0; BLOCK];
+                sum[..len].fill(0.0);
                 for i in 0..inner {
                     let c = local[i * self.dim + k];
-                    for b in 0..BLOCK {
+                    for b in 0..len {
                         sum[b] += c * rows[0][i][b];
                     }
                 }
-                for b in 0..BLOCK {
-                    target[b] += outer_weight[b] * sum[b];
+                for b in 0..len {
+                    target[b] += outer[b] * sum[b];
                 }
             }
         }

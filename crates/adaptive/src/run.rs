@@ -1,0 +1,256 @@
+//! The loop itself.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
+
+use crate::{Deviation, Marking, Solve, mark};
+
+/// Iterations without progress after which the loop gives up.
+const PATIENCE: usize = 4;
+
+/// Progress is a decrease of the mean or largest error by this share at least: smaller ones are noise of the data.
+const PROGRESS: f64 = 0.01;
+
+/// Rules of the loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options<const D: usize> {
+    /// Tolerance on the error of a point, in units of the points.
+    pub tolerance: f64,
+    /// The loop ends when this share of the points is within the tolerance; 1 asks for all of them.
+    pub within: f64,
+    /// How cells are marked.
+    pub marking: Marking,
+    /// How marked cells are refined, and the largest number of levels.
+    pub refinement: Refinement<D>,
+    /// No space with more functions is tried.
+    pub max_dofs: usize,
+    /// Largest number of iterations.
+    pub max_iterations: usize,
+}
+
+impl<const D: usize> Default for Options<D> {
+    /// Tolerance 1e-3 for 95 % of the points, threshold marking, one surrounding ring.
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-3,
+            within: 0.95,
+            marking: Marking::Threshold,
+            refinement: Refinement { extension: [2; D], ..Refinement::default() },
+            max_dofs: 200_000,
+            max_iterations: 50,
+        }
+    }
+}
+
+/// Why the loop ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Stop {
+    /// The asked share of the points is within the tolerance.
+    ToleranceReached,
+    /// Refinement is needed in cells of the finest allowed level only.
+    Levels,
+    /// The refined space would have more functions than allowed.
+    Dofs,
+    /// Several iterations brought no progress.
+    Stagnation,
+    /// The largest number of iterations was reached.
+    Iterations,
+    /// The observer asked to end.
+    Interrupted,
+    /// The method failed on a refined space; the result is that of the iteration before.
+    Failed,
+}
+
+impl Stop {
+    /// A short name for reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ToleranceReached => "tolerance",
+            Self::Levels => "levels",
+            Self::Dofs => "max-dofs",
+            Self::Stagnation => "stagnation",
+            Self::Iterations => "iterations",
+            Self::Interrupted => "interrupted",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// Seconds per phase of an iteration.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seconds {
+    /// Setting up equations.
+    pub assemble: f64,
+    /// Solving them.
+    pub solve: f64,
+    /// Evaluating errors.
+    pub estimate: f64,
+    /// Marking and refining, to the space of the next iteration.
+    pub refine: f64,
+}
+
+/// Record of one iteration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Iteration {
+    /// Number of the iteration, from 0.
+    pub iteration: usize,
+    /// Number of functions.
+    pub dofs: usize,
+    /// Number of levels, level 0 included.
+    pub levels: usize,
+    /// Number of cells.
+    pub cells: usize,
+    /// Errors of the points.
+    pub deviation: Deviation,
+    /// Time per phase.
+    pub seconds: Seconds,
+}
+
+/// Told of each iteration when its errors are known.
+pub trait Observer {
+    /// `Break` ends the loop with the present result.
+    fn iteration(&mut self, record: &Iteration) -> ControlFlow<()>;
+}
+
+impl<F: FnMut(&Iteration) -> ControlFlow<()>> Observer for F {
+    fn iteration(&mut self, record: &Iteration) -> ControlFlow<()> {
+        self(record)
+    }
+}
+
+/// Result of the loop.
+#[derive(Debug)]
+pub struct Outcome<const D: usize, E> {
+    /// The map of the last iteration.
+    pub map: SplineMap<D>,
+    /// Why the loop ended.
+    pub stop: Stop,
+    /// The error behind [`Stop::Failed`].
+    pub failure: Option<E>,
+    /// One record per iteration.
+    pub history: Vec<Iteration>,
+}
+
+/// Fits adaptively, starting from a space.
+///
+/// # Errors
+/// The method's error in the first iteration. Later failures end the loop with [`Stop::Failed`] and keep what was reached.
+pub fn run<const D: usize, S: Solve<D>>(
+    method: &mut S,
+    start: Arc<HierarchicalSpace<D>>,
+    options: &Options<D>,
+    observer: &mut dyn Observer,
+) -> Result<Outcome<D, S::Error>, S::Error> {
+    let mut space = start;
+    let mut last: Option<SplineMap<D>> = None;
+    let mut history: Vec<Iteration> = Vec::new();
+    loop {
+        let step = iterate(method, &space, last.as_ref(), options, history.len());
+        let (map, mut record, marked) = match (step, last.take()) {
+            (Ok(step), _) => step,
+            (Err(error), Some(map)) => {
+                return Ok(Outcome { map, stop: Stop::Failed, failure: Some(error), history });
+            }
+            (Err(error), None) => return Err(error),
+        };
+        let interrupted = observer.iteration(&record).is_break();
+        tracing::debug!(iteration = record.iteration, dofs = record.dofs, max = record.deviation.max, "fitted");
+        let refining = Instant::now();
+        let next = match stop_before_refining(&record, &history, options, interrupted) {
+            Some(stop) => Err(stop),
+            None => refine(&space, &marked, options),
+        };
+        record.seconds.refine = refining.elapsed().as_secs_f64();
+        history.push(record);
+        match next {
+            Ok(finer) => space = Arc::new(finer),
+            Err(stop) => return Ok(Outcome { map, stop, failure: None, history }),
+        }
+        last = Some(map);
+    }
+}
+
+/// SOLVE, ESTIMATE and MARK.
+fn iterate<const D: usize, S: Solve<D>>(
+    method: &mut S,
+    space: &Arc<HierarchicalSpace<D>>,
+    previous: Option<&SplineMap<D>>,
+    options: &Options<D>,
+    iteration: usize,
+) -> Result<(SplineMap<D>, Iteration, Vec<usize>), S::Error> {
+    let solution = method.solve(space, previous)?;
+    let estimating = Instant::now();
+    let estimate = method.estimate(&solution.map)?;
+    let deviation = Deviation::new(estimate.errors, options.tolerance);
+    let seconds = Seconds {
+        assemble: solution.assemble_seconds,
+        solve: solution.solve_seconds,
+        estimate: estimating.elapsed().as_secs_f64(),
+        refine: 0.0,
+    };
+    let marked = mark(estimate, options.marking, options.tolerance);
+    let record = Iteration {
+        iteration,
+        dofs: space.n_functions(),
+        levels: space.n_levels(),
+        cells: space.n_cells(),
+        deviation,
+        seconds,
+    };
+    Ok((solution.map, record, marked))
+}
+
+fn stop_before_refining<const D: usize>(
+    record: &Iteration,
+    history: &[Iteration],
+    options: &Options<D>,
+    interrupted: bool,
+) -> Option<Stop> {
+    if record.deviation.within >= options.within {
+        Some(Stop::ToleranceReached)
+    } else if interrupted {
+        Some(Stop::Interrupted)
+    } else if record.iteration + 1 >= options.max_iterations {
+        Some(Stop::Iterations)
+    } else if stagnates(record, history) {
+        Some(Stop::Stagnation)
+    } else {
+        None
+    }
+}
+
+/// Whether neither the largest nor the mean error, nor the share of points within the tolerance, has improved over the
+/// best before the last `PATIENCE` iterations.
+fn stagnates(record: &Iteration, history: &[Iteration]) -> bool {
+    let Some(before) = (history.len() + 1).checked_sub(PATIENCE).filter(|&n| n > 0) else {
+        return false;
+    };
+    let best = |of: fn(&Deviation) -> f64, part: &[Iteration]| {
+        part.iter().map(|i| of(&i.deviation)).fold(f64::INFINITY, f64::min)
+    };
+    let measures: [fn(&Deviation) -> f64; 3] = [|d| d.max, |d| d.rmse(), |d| 1.0 - d.within];
+    let recent = &history[before..];
+    measures
+        .iter()
+        .all(|&of| of(&record.deviation).min(best(of, recent)) > (1.0 - PROGRESS) * best(of, &history[..before]))
+}
+
+fn refine<const D: usize>(
+    space: &HierarchicalSpace<D>,
+    marked: &[usize],
+    options: &Options<D>,
+) -> Result<HierarchicalSpace<D>, Stop> {
+    // Indices of marked cells come from the space itself, so what remains of errors is the limit on levels.
+    let finer = space.refine(marked, &options.refinement).map_err(|_| Stop::Levels)?;
+    if finer.n_cells() == space.n_cells() {
+        Err(Stop::Levels)
+    } else if finer.n_functions() > options.max_dofs {
+        Err(Stop::Dofs)
+    } else {
+        Ok(finer)
+    }
+}

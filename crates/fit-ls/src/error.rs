@@ -1,0 +1,96 @@
+//! What can be wrong with a fitting problem.
+
+use thiserror::Error;
+
+/// Errors of this crate.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// Error of the spline space, for instance a parameter outside its domain.
+    #[error(transparent)]
+    Space(#[from] thb_core::Error),
+    /// A parameter outside the domain, or not finite.
+    #[error("parameters of point {index}: {source}")]
+    Parameter {
+        /// Index of the point.
+        index: usize,
+        /// What is wrong.
+        source: thb_core::Error,
+    },
+    /// Arrays of different lengths, or of a wrong width.
+    #[error("{what}: {given} given, {expected} expected")]
+    Shape {
+        /// What was counted.
+        what: &'static str,
+        /// The number found.
+        given: usize,
+        /// The number expected.
+        expected: usize,
+    },
+    /// No points at all.
+    #[error("there are no points to fit")]
+    NoPoints,
+    /// More points than can be indexed.
+    #[error("{given} points are more than {limit}")]
+    TooManyPoints {
+        /// Number of points.
+        given: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("coordinate {component} of point {index} is not finite")]
+    NotFinite {
+        /// Index of the point.
+        index: usize,
+        /// The coordinate.
+        component: usize,
+    },
+    /// A weight is negative or not finite.
+    #[error("weight {value} of point {index} is negative or not finite")]
+    Weight {
+        /// Index of the point.
+        index: usize,
+        /// The weight.
+        value: f64,
+    },
+    /// A smoothing weight is negative or not finite.
+    #[error("the smoothing weight {value} is negative or not finite")]
+    Lambda {
+        /// The weight.
+        value: f64,
+    },
+    /// The equations do not determine all coefficients.
+    #[error(
+        "the points do not determine the surface: {without_data} of {functions} functions have no point in their support \
+         (first: {first:?}), smoothing weight {lambda:e}; use a positive smoothing weight, a coarser mesh, or points that \
+         do not all lie on a line of the parameter domain"
+    )]
+    RankDeficient {
+        /// Number of functions without a point in their support.
+        without_data: usize,
+        /// Number of functions.
+        functions: usize,
+        /// The first few of them.
+        first: Vec<usize>,
+        /// The smoothing weight.
+        lambda: f64,
+    },
+    /// The factorization ran out of memory.
+    #[error("not enough memory to factorize the equations of {functions} functions")]
+    OutOfMemory {
+        /// Number of functions.
+        functions: usize,
+    },
+    /// The curve that a boundary should follow is not in the space of boundary curves.
+    #[error(
+        "the boundary curve deviates by {deviation:e} from the nearest curve of the space; refine the space along that side"
+    )]
+    BoundaryCurve {
+        /// Largest deviation at the sampled parameters.
+        deviation: f64,
+    },
+    /// Statistics of different problems cannot be merged.
+    #[error("normal equations of different spaces cannot be merged")]
+    DifferentSpaces,
+}

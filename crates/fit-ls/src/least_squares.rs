@@ -1,0 +1,250 @@
+//! The fitting method: points, weights, smoothing, constraints.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use adaptive::{Estimate, Solution, Solve};
+use ndarray::{Array2, ArrayView1, ArrayView2};
+use rayon::prelude::*;
+use thb_core::{CellSpace, HierarchicalSpace, Quadrature, SplineMap, SymmetricMatrix, SymmetricPattern, ThinPlate};
+
+use crate::cholesky::{Cholesky, Failure};
+use crate::kernel::distances;
+use crate::{Error, Lambda, NormalEquations, SortedPoints};
+
+/// Number of functions without data that an error names.
+const NAMED: usize = 5;
+
+/// Points of one parallel task.
+const CHUNK: usize = 1 << 14;
+
+/// How to fit.
+#[derive(Clone, Debug)]
+pub struct Options<const D: usize> {
+    /// The smoothing weight λ.
+    pub lambda: Lambda,
+    /// How the energy is integrated.
+    pub quadrature: Quadrature,
+    /// Lengths of the parameter domain per direction in the energy ([`ThinPlate::scaled`]).
+    pub lengths: [f64; D],
+}
+
+impl<const D: usize> Default for Options<D> {
+    fn default() -> Self {
+        Self { lambda: Lambda::Auto, quadrature: Quadrature::Exact, lengths: [1.0; D] }
+    }
+}
+
+/// Coefficients held fixed: functions, increasing, and their rows of coefficients.
+pub type Fixed = Vec<(usize, Vec<f64>)>;
+
+/// Penalized weighted least squares on a set of points, in one space after the other.
+#[derive(Debug)]
+pub struct LeastSquares<const D: usize> {
+    points: SortedPoints<D>,
+    sorted_for: Option<Arc<HierarchicalSpace<D>>>,
+    options: Options<D>,
+    /// λ as a number, once it is chosen.
+    lambda: Option<f64>,
+    solver: Option<Cholesky>,
+    errors: Vec<f64>,
+}
+
+impl<const D: usize> LeastSquares<D> {
+    /// A problem with points `(m, N)` at parameters `(m, D)`, with weights `(m)` if given.
+    ///
+    /// # Errors
+    /// Those of [`SortedPoints::new`]; [`Error::Lambda`].
+    pub fn new(
+        parameters: ArrayView2<'_, f64>,
+        points: ArrayView2<'_, f64>,
+        weights: Option<ArrayView1<'_, f64>>,
+        options: Options<D>,
+    ) -> Result<Self, Error> {
+        let points = SortedPoints::new(parameters, points, weights)?;
+        let lambda = match options.lambda {
+            Lambda::Auto => None,
+            Lambda::Fixed(value) if value.is_finite() && value >= 0.0 => Some(value),
+            Lambda::Fixed(value) => return Err(Error::Lambda { value }),
+        };
+        Ok(Self { points, sorted_for: None, options, lambda, solver: None, errors: Vec::new() })
+    }
+
+    /// The smoothing weight in use; `None` as long as an automatic one is not chosen.
+    pub fn lambda(&self) -> Option<f64> {
+        self.lambda
+    }
+
+    /// The points, in the order of the cells of the last space.
+    pub fn points(&self) -> &SortedPoints<D> {
+        &self.points
+    }
+
+    /// Fits in a space.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`], [`Error::RankDeficient`], [`Error::OutOfMemory`].
+    pub fn fit(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<SplineMap<D>, Error> {
+        self.fit_with_fixed(space, &Vec::new())
+    }
+
+    /// Fits in a space with some coefficients held fixed.
+    ///
+    /// # Errors
+    /// As [`LeastSquares::fit`]; [`Error::Shape`] for fixed functions that do not exist or rows of a wrong length.
+    pub fn fit_with_fixed(&mut self, space: &Arc<HierarchicalSpace<D>>, fixed: &Fixed) -> Result<SplineMap<D>, Error> {
+        self.solve_timed(space, fixed).map(|solution| solution.map)
+    }
+
+    /// Distances of the points to a map on the space last fitted in, sorted by cell; [`SortedPoints::order`] has the
+    /// indices of the points.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`].
+    pub fn distances(&mut self, map: &SplineMap<D>) -> Result<&[f64], Error> {
+        self.sort(map.space())?;
+        let mut errors = std::mem::take(&mut self.errors);
+        errors.resize(self.points.len(), 0.0);
+        let mut tasks = Vec::new();
+        let mut rest = &mut errors[..];
+        for (cell, ends) in self.points.offsets().windows(2).enumerate() {
+            for start in (ends[0]..ends[1]).step_by(CHUNK) {
+                let end = (start + CHUNK).min(ends[1]);
+                let (part, further) = std::mem::take(&mut rest).split_at_mut(end - start);
+                tasks.push((cell, start..end, part));
+                rest = further;
+            }
+        }
+        let bezier = map.bezier();
+        tasks.into_par_iter().for_each(|(cell, range, part)| distances(&self.points, range, bezier, cell, part));
+        self.errors = errors;
+        Ok(&self.errors)
+    }
+
+    fn sort(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<(), Error> {
+        if !self.sorted_for.as_ref().is_some_and(|sorted| Arc::ptr_eq(sorted, space)) {
+            self.points.sort_refined(space, self.sorted_for.as_deref())?;
+            self.sorted_for = Some(space.clone());
+        }
+        Ok(())
+    }
+
+    fn solve_timed(&mut self, space: &Arc<HierarchicalSpace<D>>, fixed: &Fixed) -> Result<Solution<D>, Error> {
+        let start = Instant::now();
+        self.sort(space)?;
+        let lambda = match self.lambda {
+            Some(lambda) => lambda,
+            None => *self.lambda.insert(crate::lambda::choose(&self.points, space, &self.options)?),
+        };
+        let pattern = SymmetricPattern::new(space.as_ref());
+        let equations = NormalEquations::new(space.as_ref(), &pattern, &self.points)?;
+        let energy = ThinPlate::scaled(space.degree(), self.options.quadrature, self.options.lengths);
+        let energy = energy.gram(space.as_ref(), &pattern)?;
+        let assembled = start.elapsed().as_secs_f64();
+        let solving = Instant::now();
+        let solver = match self.solver.take().filter(|solver| *solver.pattern() == pattern) {
+            Some(solver) => solver,
+            None => Cholesky::new(&pattern).map_err(|_| Error::OutOfMemory { functions: space.n_functions() })?,
+        };
+        let coefficients = penalized(self.solver.insert(solver), equations, &energy, lambda, fixed)?;
+        let map = SplineMap::new(space.clone(), coefficients)?;
+        Ok(Solution { map, assemble_seconds: assembled, solve_seconds: solving.elapsed().as_secs_f64() })
+    }
+}
+
+impl<const D: usize> Solve<D> for LeastSquares<D> {
+    type Error = Error;
+
+    fn solve(
+        &mut self,
+        space: &Arc<HierarchicalSpace<D>>,
+        _previous: Option<&SplineMap<D>>,
+    ) -> Result<Solution<D>, Error> {
+        self.solve_timed(space, &Vec::new())
+    }
+
+    fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, Error> {
+        self.distances(map)?;
+        Ok(Estimate { offsets: self.points.offsets(), errors: &self.errors })
+    }
+}
+
+/// Solves `(A + λG) c = b` with some rows of `c` held fixed.
+pub(crate) fn penalized(
+    solver: &mut Cholesky,
+    equations: NormalEquations,
+    energy: &SymmetricMatrix,
+    lambda: f64,
+    fixed: &Fixed,
+) -> Result<Array2<f64>, Error> {
+    let NormalEquations { mut matrix, mut right } = equations;
+    let functions = right.nrows();
+    let columns = matrix.pattern().columns();
+    let without_data: Vec<usize> = (0..functions).filter(|&j| matrix.values()[columns[j]] == 0.0).collect();
+    let deficient = |without_data: &[usize]| Error::RankDeficient {
+        without_data: without_data.len(),
+        functions,
+        first: without_data.iter().take(NAMED).copied().collect(),
+        lambda,
+    };
+    if lambda == 0.0 && without_data.iter().any(|&j| fixed.iter().all(|(f, _)| *f != j)) {
+        return Err(deficient(&without_data));
+    }
+    matrix.values_mut().iter_mut().zip(energy.values()).for_each(|(a, g)| *a += lambda * g);
+    eliminate(&mut matrix, &mut right, fixed)?;
+    let failed = |failure| match failure {
+        Failure::NotPositiveDefinite => deficient(&without_data),
+        Failure::OutOfMemory => Error::OutOfMemory { functions },
+    };
+    solver.factorize(&matrix).map_err(failed)?;
+    let mut solution = solver.solve(&right).map_err(failed)?;
+    // One step of iterative refinement: moments lose a few digits where a cell's points cluster.
+    for k in 0..right.ncols() {
+        let residual = matrix.multiply(&solution.column(k).to_vec());
+        right.column_mut(k).iter_mut().zip(residual).for_each(|(b, ax)| *b -= ax);
+    }
+    solution += &solver.solve(&right).map_err(failed)?;
+    Ok(solution)
+}
+
+/// Moves fixed coefficients to the right-hand side and replaces their equations by `c_j = value`.
+fn eliminate(matrix: &mut SymmetricMatrix, right: &mut Array2<f64>, fixed: &Fixed) -> Result<(), Error> {
+    if fixed.is_empty() {
+        return Ok(());
+    }
+    let (n, dim) = right.dim();
+    let mut value_of: Vec<Option<&[f64]>> = vec![None; n];
+    for (function, row) in fixed {
+        if *function >= n {
+            return Err(Error::Shape { what: "fixed function", given: *function, expected: n });
+        }
+        if row.len() != dim {
+            return Err(Error::Shape { what: "fixed coefficients in a row", given: row.len(), expected: dim });
+        }
+        value_of[*function] = Some(row);
+    }
+    let pattern = matrix.pattern().clone();
+    for j in 0..n {
+        for at in pattern.columns()[j]..pattern.columns()[j + 1] {
+            let i = pattern.rows()[at];
+            let entry = matrix.values()[at];
+            let replaced = match (value_of[i], value_of[j]) {
+                (None, None) => continue,
+                (Some(_), Some(_)) => f64::from(u8::from(i == j)),
+                (Some(row), None) => {
+                    (0..dim).for_each(|k| right[[j, k]] -= entry * row[k]);
+                    0.0
+                }
+                (None, Some(row)) => {
+                    (0..dim).for_each(|k| right[[i, k]] -= entry * row[k]);
+                    0.0
+                }
+            };
+            matrix.values_mut()[at] = replaced;
+        }
+    }
+    for (function, row) in fixed {
+        (0..dim).for_each(|k| right[[*function, k]] = row[k]);
+    }
+    Ok(())
+}

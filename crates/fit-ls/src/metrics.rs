@@ -1,0 +1,99 @@
+//! Distances between points and surface that do not depend on parameters.
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+use thb_core::{ClosestPoints, SplineMap};
+
+use crate::Error;
+
+/// Hausdorff distances between points and a spline map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hausdorff {
+    /// Largest distance of a point to the map (DHD).
+    pub points_to_map: f64,
+    /// Largest distance of a sample of the map to its nearest point.
+    pub map_to_points: f64,
+}
+
+impl Hausdorff {
+    /// The two-sided distance (HSD).
+    pub fn two_sided(&self) -> f64 {
+        self.points_to_map.max(self.map_to_points)
+    }
+}
+
+/// Largest distance of the points `(m, N)`, N ≤ 3, to the map (DHD): each point's distance to the map's closest point,
+/// searched from its parameter `(m, D)`.
+///
+/// # Errors
+/// [`Error::Shape`], [`Error::Parameter`].
+pub fn directed_hausdorff<const D: usize>(
+    map: &SplineMap<D>,
+    parameters: ArrayView2<'_, f64>,
+    points: ArrayView2<'_, f64>,
+) -> Result<f64, Error> {
+    use thb_core::CellSpace as _;
+    check_widths(map, points)?;
+    if parameters.dim() != (points.nrows(), D) {
+        return Err(Error::Shape { what: "rows of parameters", given: parameters.nrows(), expected: points.nrows() });
+    }
+    let search = ClosestPoints::new(map.bezier().clone())?;
+    (0..points.nrows())
+        .into_par_iter()
+        .map(|i| {
+            let u = std::array::from_fn(|d| parameters[[i, d]]);
+            let cell = map.space().locate_cell(u).map_err(|source| Error::Parameter { index: i, source })?;
+            Ok(search.closest_from(&points.row(i).to_vec(), cell, u).distance)
+        })
+        .try_reduce(|| 0.0, |a, b| Ok(f64::max(a, b)))
+}
+
+/// Both directed Hausdorff distances: points `(m, N)` to the map without parameters to start from, and the map, sampled
+/// at `samples` parameters per direction and cell, to the points.
+///
+/// # Errors
+/// [`Error::Shape`], [`Error::NoPoints`].
+pub fn hausdorff<const D: usize>(
+    map: &SplineMap<D>,
+    points: ArrayView2<'_, f64>,
+    samples: usize,
+) -> Result<Hausdorff, Error> {
+    check_widths(map, points)?;
+    let search = ClosestPoints::new(map.bezier().clone())?;
+    let padded: Vec<[f64; 3]> =
+        points.outer_iter().map(|row| std::array::from_fn(|k| row.get(k).copied().unwrap_or(0.0))).collect();
+    let points_to_map =
+        padded.par_iter().map(|point| search.closest(&point[..map.dim()]).distance).reduce(|| 0.0, f64::max);
+    let tree: ImmutableKdTree<f64, 3> = ImmutableKdTree::new_from_slice(&padded).map_err(|_| Error::NoPoints)?;
+    let bezier = map.bezier();
+    let per_cell = samples.max(2);
+    let map_to_points = (0..bezier.n_cells())
+        .into_par_iter()
+        .map(|cell| {
+            let (lower, upper) = bezier.cell_box(cell);
+            let mut image = [0.0; 3];
+            let mut largest = 0.0_f64;
+            for linear in 0..per_cell.pow(D as u32) {
+                let u = std::array::from_fn(|d| {
+                    let i = linear / per_cell.pow(d as u32) % per_cell;
+                    lower[d] + (upper[d] - lower[d]) * i as f64 / (per_cell - 1) as f64
+                });
+                bezier.derivative(cell, u, [0; D], &mut image[..map.dim()]);
+                largest = largest.max(tree.query(&image).nearest_one::<SquaredEuclidean<f64>>().execute().distance);
+            }
+            largest.sqrt()
+        })
+        .reduce(|| 0.0, f64::max);
+    Ok(Hausdorff { points_to_map, map_to_points })
+}
+
+fn check_widths<const D: usize>(map: &SplineMap<D>, points: ArrayView2<'_, f64>) -> Result<(), Error> {
+    if points.nrows() == 0 {
+        return Err(Error::NoPoints);
+    }
+    if points.ncols() != map.dim() {
+        return Err(Error::Shape { what: "coordinates of the points", given: points.ncols(), expected: map.dim() });
+    }
+    Ok(())
+}

@@ -1,0 +1,160 @@
+//! Normal equations of a space: the statistic that points are reduced to.
+
+use std::ops::Range;
+
+use ndarray::Array2;
+use rayon::prelude::*;
+use thb_core::bernstein::binomial;
+use thb_core::{CellSpace, SymmetricMatrix, SymmetricPattern};
+
+use crate::kernel::{CellSums, sums};
+use crate::{Error, SortedPoints};
+
+/// `BᵀWB` and `BᵀWp` of points in a space. Statistics of different points in the same space add up, so chunks, threads
+/// and machines can be merged.
+#[derive(Clone, Debug)]
+pub struct NormalEquations {
+    /// `BᵀWB`, `(n_functions, n_functions)`.
+    pub matrix: SymmetricMatrix,
+    /// `BᵀWp`, `(n_functions, N)`.
+    pub right: Array2<f64>,
+}
+
+/// Points of one parallel task. Sums are formed task by task, whatever the number of threads.
+const CHUNK: usize = 1 << 14;
+
+/// Cells whose local matrices are held in memory at a time.
+const BATCH: usize = 1 << 12;
+
+impl NormalEquations {
+    /// Zero equations for points of dimension `n`.
+    pub fn zeros(pattern: &SymmetricPattern, n: usize) -> Self {
+        Self { matrix: SymmetricMatrix::zeros(pattern), right: Array2::zeros((pattern.n(), n)) }
+    }
+
+    /// The equations of points that are sorted by the cells of the space.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if they are sorted for another number of cells.
+    pub fn new<const D: usize, S: CellSpace<D>>(
+        space: &S,
+        pattern: &SymmetricPattern,
+        points: &SortedPoints<D>,
+    ) -> Result<Self, Error> {
+        let (given, expected) = (points.offsets().len() - 1, space.n_cells());
+        if given != expected {
+            return Err(Error::Shape { what: "cells the points are sorted for", given, expected });
+        }
+        let mut equations = Self::zeros(pattern, points.dim());
+        let expansion = Expansion::new(space.degree());
+        for first in (0..space.n_cells()).step_by(BATCH) {
+            let cells = first..(first + BATCH).min(space.n_cells());
+            equations.add_cells(space, points, cells, &expansion);
+        }
+        Ok(equations)
+    }
+
+    fn add_cells<const D: usize, S: CellSpace<D>>(
+        &mut self,
+        space: &S,
+        points: &SortedPoints<D>,
+        cells: Range<usize>,
+        expansion: &Expansion<D>,
+    ) {
+        let tasks: Vec<(usize, Range<usize>)> = cells
+            .flat_map(|cell| {
+                let (start, end) = (points.offsets()[cell], points.offsets()[cell + 1]);
+                (start..end).step_by(CHUNK).map(move |at| (cell, at..(at + CHUNK).min(end)))
+            })
+            .collect();
+        let partial: Vec<(usize, CellSums)> = tasks
+            .into_par_iter()
+            .map(|(number, range)| {
+                let cell = space.cell(number);
+                (number, sums(points, range, cell.degree, cell.lower, cell.upper))
+            })
+            .collect();
+        let mut of_cells: Vec<(usize, CellSums)> = Vec::with_capacity(partial.len());
+        for (number, part) in partial {
+            match of_cells.last_mut() {
+                Some((last, whole)) if *last == number => whole.merge(&part),
+                _ => of_cells.push((number, part)),
+            }
+        }
+        let n = points.dim();
+        let local: Vec<(usize, Vec<f64>, Vec<f64>)> = of_cells
+            .into_par_iter()
+            .map_init(Vec::new, |scratch, (number, sums)| {
+                let cell = space.cell(number);
+                let mut matrix = expansion.matrix(&sums.moments);
+                let mut right = sums.right;
+                cell.pull_back_symmetric(&mut matrix, scratch);
+                cell.pull_back(&mut right, n, scratch);
+                (number, matrix, right)
+            })
+            .collect();
+        for (number, matrix, right) in local {
+            let functions = space.cell(number).functions;
+            self.matrix.add_cell(functions, &matrix);
+            for (row, &function) in right.chunks_exact(n).zip(functions) {
+                let mut target = self.right.row_mut(function as usize);
+                target.iter_mut().zip(row).for_each(|(a, b)| *a += b);
+            }
+        }
+    }
+
+    /// Adds the equations of further points in the same space.
+    ///
+    /// # Errors
+    /// [`Error::DifferentSpaces`].
+    pub fn merge(&mut self, other: &Self) -> Result<(), Error> {
+        if self.matrix.pattern() != other.matrix.pattern() || self.right.dim() != other.right.dim() {
+            return Err(Error::DifferentSpaces);
+        }
+        self.matrix.values_mut().iter_mut().zip(other.matrix.values()).for_each(|(a, b)| *a += b);
+        self.right += &other.right;
+        Ok(())
+    }
+}
+
+/// From moments of degree 2p to the products of Bernstein polynomials of degree p:
+/// `B_i B_j = C(p,i) C(p,j) / C(2p,i+j) · B^{2p}_{i+j}` in each direction.
+struct Expansion<const D: usize> {
+    degree: [usize; D],
+    factors: [Vec<f64>; D],
+}
+
+impl<const D: usize> Expansion<D> {
+    fn new(degree: [usize; D]) -> Self {
+        let factors = degree.map(|p| {
+            (0..(p + 1) * (p + 1))
+                .map(|k| {
+                    let (i, j) = (k / (p + 1), k % (p + 1));
+                    binomial(p, i) * binomial(p, j) / binomial(2 * p, i + j)
+                })
+                .collect()
+        });
+        Self { degree, factors }
+    }
+
+    fn matrix(&self, moments: &[f64]) -> Vec<f64> {
+        let n_local: usize = self.degree.iter().map(|p| p + 1).product();
+        let mut matrix = Vec::with_capacity(n_local * n_local);
+        for row in 0..n_local {
+            for column in 0..n_local {
+                let (mut i, mut j) = (row, column);
+                let (mut at, mut stride, mut factor) = (0, 1, 1.0);
+                for d in 0..D {
+                    let order = self.degree[d] + 1;
+                    let (a, b) = (i % order, j % order);
+                    (i, j) = (i / order, j / order);
+                    at += (a + b) * stride;
+                    stride *= 2 * self.degree[d] + 1;
+                    factor *= self.factors[d][a * order + b];
+                }
+                matrix.push(factor * moments[at]);
+            }
+        }
+        matrix
+    }
+}

@@ -1,0 +1,186 @@
+//! Points sorted by cell, one array per coordinate.
+
+use ndarray::ArrayView1;
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+use thb_core::{CellSpace, HierarchicalSpace};
+
+use crate::Error;
+
+/// Points with parameters, kept in the order of the cells of a space. Coordinates are stored separately so that kernels
+/// read whole vectors. Memory: 8 (D + N + 1) + 8 bytes a point, with weights 8 more.
+#[derive(Clone, Debug)]
+pub struct SortedPoints<const D: usize> {
+    /// Parameters, one array per direction.
+    pub(crate) parameters: [Vec<f64>; D],
+    /// Points, one array per coordinate.
+    pub(crate) points: Vec<Vec<f64>>,
+    pub(crate) weights: Option<Vec<f64>>,
+    /// The original index of each point.
+    order: Vec<u32>,
+    /// Points of cell `c`: `offsets[c]..offsets[c + 1]`.
+    pub(crate) offsets: Vec<usize>,
+}
+
+/// Points of one parallel task; tasks are the same for any number of threads.
+const CHUNK: usize = 1 << 14;
+
+impl<const D: usize> SortedPoints<D> {
+    /// Copies points `(m, N)` with parameters `(m, D)` and weights `(m)`, in their order: sorted for one cell.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::NoPoints`], [`Error::TooManyPoints`], [`Error::NotFinite`], [`Error::Weight`].
+    pub fn new(
+        parameters: ArrayView2<'_, f64>,
+        points: ArrayView2<'_, f64>,
+        weights: Option<ArrayView1<'_, f64>>,
+    ) -> Result<Self, Error> {
+        let m = points.nrows();
+        let limit = u32::MAX as usize;
+        if m == 0 || points.ncols() == 0 {
+            return Err(Error::NoPoints);
+        }
+        if m > limit {
+            return Err(Error::TooManyPoints { given: m, limit });
+        }
+        if parameters.ncols() != D {
+            return Err(Error::Shape { what: "columns of parameters", given: parameters.ncols(), expected: D });
+        }
+        if parameters.nrows() != m {
+            return Err(Error::Shape { what: "rows of parameters", given: parameters.nrows(), expected: m });
+        }
+        let points: Vec<Vec<f64>> = points.columns().into_iter().map(|column| column.to_vec()).collect();
+        for (component, column) in points.iter().enumerate() {
+            if let Some(index) = column.iter().position(|x| !x.is_finite()) {
+                return Err(Error::NotFinite { index, component });
+            }
+        }
+        if let Some(weights) = &weights {
+            if weights.len() != m {
+                return Err(Error::Shape { what: "weights", given: weights.len(), expected: m });
+            }
+            if let Some((index, &value)) = weights.iter().enumerate().find(|(_, w)| !w.is_finite() || **w < 0.0) {
+                return Err(Error::Weight { index, value });
+            }
+        }
+        Ok(Self {
+            parameters: std::array::from_fn(|d| parameters.column(d).to_vec()),
+            points,
+            weights: weights.map(|w| w.to_vec()),
+            order: (0..m as u32).collect(),
+            offsets: vec![0, m],
+        })
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.order.len()
+    }
+
+    /// Whether there are no points; never for a value made by [`SortedPoints::new`].
+    pub fn is_empty(&self) -> bool {
+        self.order.is_empty()
+    }
+
+    /// Dimension N of the points.
+    pub fn dim(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Points of cell `c`: `offsets[c]..offsets[c + 1]`.
+    pub fn offsets(&self) -> &[usize] {
+        &self.offsets
+    }
+
+    /// The original index of each sorted point.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// The parameter of a sorted point.
+    pub fn parameter(&self, at: usize) -> [f64; D] {
+        std::array::from_fn(|d| self.parameters[d][at])
+    }
+
+    /// The sum of the weights.
+    pub fn total_weight(&self) -> f64 {
+        self.weights.as_ref().map_or(self.len() as f64, |w| w.iter().sum())
+    }
+
+    /// Sorts the points by the cells of a space. Points whose cell of the space before still exists are not located
+    /// anew. Points of a cell stay in their order, so the result does not depend on the spaces in between.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`].
+    pub fn sort<S: CellSpace<D>>(
+        &mut self,
+        space: &S,
+        known: impl Fn(usize) -> Option<usize> + Sync,
+    ) -> Result<(), Error> {
+        let mut cell_of = vec![0_u32; self.len()];
+        let mut tasks = Vec::new();
+        let mut rest = &mut cell_of[..];
+        for (cell, ends) in self.offsets.windows(2).enumerate() {
+            for start in (ends[0]..ends[1]).step_by(CHUNK) {
+                let (part, further) = std::mem::take(&mut rest).split_at_mut(CHUNK.min(ends[1] - start));
+                tasks.push((cell, start, part));
+                rest = further;
+            }
+        }
+        tasks.into_par_iter().try_for_each(|(old_cell, start, part)| {
+            if let Some(cell) = known(old_cell) {
+                part.fill(cell as u32);
+                return Ok::<(), Error>(());
+            }
+            for (i, target) in part.iter_mut().enumerate() {
+                let cell = space.locate_cell(self.parameter(start + i));
+                *target =
+                    cell.map_err(|source| Error::Parameter { index: self.order[start + i] as usize, source })? as u32;
+            }
+            Ok(())
+        })?;
+        let mut offsets = vec![0_usize; space.n_cells() + 1];
+        for &cell in &cell_of {
+            offsets[cell as usize + 1] += 1;
+        }
+        for cell in 0..space.n_cells() {
+            offsets[cell + 1] += offsets[cell];
+        }
+        let mut next = offsets.clone();
+        let mut from = vec![0_u32; self.len()];
+        for (old, &cell) in cell_of.iter().enumerate() {
+            let slot = &mut next[cell as usize];
+            from[*slot] = old as u32;
+            *slot += 1;
+        }
+        drop(cell_of);
+        for column in self.parameters.iter_mut().chain(&mut self.points).chain(&mut self.weights) {
+            gather(column, &from);
+        }
+        gather(&mut self.order, &from);
+        self.offsets = offsets;
+        Ok(())
+    }
+
+    /// Sorts by the cells of a hierarchical space, given the one sorted for before.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`].
+    pub fn sort_refined(
+        &mut self,
+        space: &HierarchicalSpace<D>,
+        before: Option<&HierarchicalSpace<D>>,
+    ) -> Result<(), Error> {
+        self.sort(space, |old_cell| {
+            let before = before.filter(|b| b.mesh().grid(0) == space.mesh().grid(0))?;
+            let node = before.node(old_cell);
+            let (level, index) = (before.mesh().level(node), before.mesh().cell_index(node));
+            space.cell_of_node(space.mesh().find(level, index)?)
+        })
+    }
+}
+
+fn gather<T: Copy + Send + Sync>(column: &mut Vec<T>, from: &[u32]) {
+    let source: &[T] = column;
+    *column = from.par_iter().with_min_len(CHUNK).map(|&old| source[old as usize]).collect();
+}

@@ -1,0 +1,353 @@
+//! What can go wrong between a file and memory.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// A scan could not be read: which file, and why.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {kind}", path.display())]
+pub struct ReadError {
+    /// The file.
+    pub path: PathBuf,
+    /// The violated condition.
+    pub kind: ReadErrorKind,
+}
+
+/// Where in a file a value stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Location {
+    /// A line of a text file, counted from 1.
+    Line(usize),
+    /// A record of a binary file, counted from 0.
+    Record {
+        /// Name of the element, as in the header of the file.
+        element: String,
+        /// Index of the record among its element's.
+        index: usize,
+    },
+    /// A value of a matrix, counted from 0 in the order of the file.
+    MatrixValue {
+        /// The matrix's `id`.
+        id: usize,
+        /// Index of the value.
+        index: usize,
+    },
+}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Record { element, index } => write!(f, "{element} {index} (counted from 0)"),
+            Self::MatrixValue { id, index } => write!(f, "matrix {id}, value {index} (counted from 0)"),
+        }
+    }
+}
+
+/// Why a scan could not be read. Texts quoted from a file are shortened and escaped.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadErrorKind {
+    /// The operating system refused.
+    #[error("cannot be read: {0}")]
+    Io(#[from] std::io::Error),
+    /// The file name's extension names no format that can be read.
+    #[error(
+        "unknown extension {extension:?}; supported are {supported}; convert the file, or name its format in the options"
+    )]
+    UnknownExtension {
+        /// The extension, empty where there is none.
+        extension: String,
+        /// The extensions that can be read.
+        supported: String,
+    },
+    /// The file has no content.
+    #[error("the file is empty")]
+    Empty,
+    /// The file is well-formed, but has no point (no vertex, no cell with data).
+    #[error("the file holds no points")]
+    NoPoints,
+    /// Control characters, invalid UTF-8 or UTF-16 where text is expected.
+    #[error("line {line} is not text (control characters or another encoding); save the file as UTF-8 text")]
+    NotText {
+        /// The line, counted from 1.
+        line: usize,
+    },
+    /// A field is not a number.
+    #[error("{location}: {text:?} is not a number; write numbers with a decimal point, and one separator throughout")]
+    NotANumber {
+        /// Where.
+        location: Location,
+        /// The field.
+        text: String,
+    },
+    /// A coordinate, parameter or height is NaN or infinite.
+    #[error("{location}: value {value} is not finite; remove the point or mend the value")]
+    NonFinite {
+        /// Where.
+        location: Location,
+        /// The value.
+        value: f64,
+    },
+    /// A line has too few or too many values.
+    #[error("line {line} has {found} values where {expected} are expected")]
+    RowLength {
+        /// The line, counted from 1.
+        line: usize,
+        /// How many the line must have; where further values are allowed, the least number.
+        expected: usize,
+        /// How many it has.
+        found: usize,
+    },
+    /// A header line does not say what it must.
+    #[error("line {line} of the header, {text:?}: {reason}")]
+    Header {
+        /// The line, counted from 1.
+        line: usize,
+        /// The line's text.
+        text: String,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// The file ends before all that its header announced.
+    #[error("the file is cut off: its header announces {expected} records of {element}, {found} are there")]
+    Truncated {
+        /// What is counted (vertex, face, cell, …).
+        element: String,
+        /// How many were announced.
+        expected: usize,
+        /// How many complete ones were found.
+        found: usize,
+    },
+    /// A grid file holds more values than its header announced.
+    #[error("the file holds {found} values where its header announces {expected}")]
+    Surplus {
+        /// How many were announced.
+        expected: usize,
+        /// How many were found.
+        found: usize,
+    },
+    /// A face's corner is not a whole number.
+    #[error("{location}: {text:?} is not a vertex index")]
+    NotAnIndex {
+        /// Where.
+        location: Location,
+        /// The text.
+        text: String,
+    },
+    /// A face names a vertex that does not exist.
+    #[error("{location}: vertex index {index}, as written, is out of range; the mesh has {count} vertices")]
+    IndexOutOfRange {
+        /// Where.
+        location: Location,
+        /// The index as written in the file.
+        index: i64,
+        /// Number of vertices that the index may refer to.
+        count: usize,
+    },
+    /// The length of a list is no whole number, or negative.
+    #[error("{location}: {length} is not the length of a list")]
+    ListLength {
+        /// Where.
+        location: Location,
+        /// The length as read.
+        length: f64,
+    },
+    /// A PLY element lacks a property.
+    #[error("element `vertex` has no property `{property}`; its properties are: {}", found.join(", "))]
+    MissingProperty {
+        /// The property.
+        property: &'static str,
+        /// The names that are there.
+        found: Vec<String>,
+    },
+    /// A table lacks a column.
+    #[error(
+        "no column named {}; the columns are: {}; rename them, or name the coordinate columns in the options",
+        missing.join(", "), found.join(", ")
+    )]
+    ColumnsNotFound {
+        /// Names that are looked for, and missing.
+        missing: Vec<String>,
+        /// Names that are there.
+        found: Vec<String>,
+    },
+    /// A column that is needed occurs twice.
+    #[error("two columns are named {name}")]
+    DuplicateColumn {
+        /// The name.
+        name: String,
+    },
+    /// A grid index is not a whole number from 0 on.
+    #[error("line {line}: {text:?} is not a grid index; columns i and j count the grid from 0 or from 1")]
+    GridIndex {
+        /// The line, counted from 1.
+        line: usize,
+        /// The field.
+        text: String,
+    },
+    /// A grid has a hole.
+    #[error(
+        "the grid has no point (i, j) = ({i}, {j}), the first of {missing} missing in {n_u} × {n_v}; \
+         complete it, or remove columns i and j"
+    )]
+    GridHole {
+        /// First index of the first missing point, as the file counts.
+        i: usize,
+        /// Second index of the first missing point, as the file counts.
+        j: usize,
+        /// How many points are missing.
+        missing: usize,
+        /// Number of points along i.
+        n_u: usize,
+        /// Number of points along j.
+        n_v: usize,
+    },
+    /// A grid has two points with the same indices.
+    #[error("the grid has two points (i, j) = ({i}, {j}), the second on line {line}")]
+    GridDuplicate {
+        /// First index, as the file counts.
+        i: usize,
+        /// Second index, as the file counts.
+        j: usize,
+        /// Line of the second one, counted from 1.
+        line: usize,
+    },
+    /// A grid is too narrow to have parameters in both directions.
+    #[error("the grid has {n_u} × {n_v} cells; a surface needs at least 2 × 2")]
+    GridTooSmall {
+        /// Columns, west to east.
+        n_u: usize,
+        /// Rows, south to north.
+        n_v: usize,
+    },
+    /// A key is missing in the header of a grid file.
+    #[error("the header has no {key}")]
+    MissingKey {
+        /// The key, with its alternatives.
+        key: &'static str,
+    },
+    /// The XML is not well-formed.
+    #[error("not well-formed XML: {reason}")]
+    Xml {
+        /// What the XML parser says, with its position.
+        reason: String,
+    },
+    /// The XML holds a spline model and no cloud.
+    #[error("the file holds a model ({geometry}), not a point cloud; read it as a model")]
+    HoldsModel {
+        /// Type of the geometry, as in the file.
+        geometry: String,
+    },
+    /// The two matrices of a cloud are not there exactly once each.
+    #[error(
+        "a cloud is a matrix with id 0 (parameters) and one with id 1 (points), each once; the file has: {}",
+        if ids.is_empty() { "no matrix".to_owned() } else { ids.join(", ") }
+    )]
+    MatrixIds {
+        /// The ids that are there, in file order; `none` for a matrix without id.
+        ids: Vec<String>,
+    },
+    /// An attribute of a matrix is missing or has a value that cannot be used.
+    #[error("matrix {id}: attribute {attribute} is {value:?}; {expected}")]
+    MatrixAttribute {
+        /// The matrix's id.
+        id: usize,
+        /// The attribute.
+        attribute: &'static str,
+        /// Its value, empty where it is missing.
+        value: String,
+        /// What is expected instead.
+        expected: &'static str,
+    },
+    /// A matrix has more or fewer values than rows times columns.
+    #[error("matrix {id} has {found} values, not {rows} × {cols}")]
+    MatrixSize {
+        /// The matrix's id.
+        id: usize,
+        /// Attribute `rows`.
+        rows: usize,
+        /// Attribute `cols`.
+        cols: usize,
+        /// Number of values.
+        found: usize,
+    },
+    /// The shapes of the two matrices are not those of parameters and points.
+    #[error(
+        "matrix 0 is {} × {}, matrix 1 is {} × {}; parameters must be 2 × m and points 3 × m with the same m",
+        parameters.0, parameters.1, points.0, points.1
+    )]
+    MatrixShapes {
+        /// Rows and columns of matrix 0.
+        parameters: (usize, usize),
+        /// Rows and columns of matrix 1.
+        points: (usize, usize),
+    },
+}
+
+/// Why a file could not be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WriteError {
+    /// The operating system refused; a file of that name, if there was one, is as before.
+    #[error("{}: cannot be written: {reason}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        reason: std::io::Error,
+    },
+    /// The file name's extension names no mesh format.
+    #[error("{}: unknown mesh extension; supported are {supported}", path.display())]
+    UnknownExtension {
+        /// The file.
+        path: PathBuf,
+        /// The extensions that can be written.
+        supported: String,
+    },
+    /// Vertices are not in space.
+    #[error("vertices have {columns} coordinates; a mesh file takes 3")]
+    NotSpatial {
+        /// Number of columns.
+        columns: usize,
+    },
+    /// Not one scalar a vertex.
+    #[error("{values} values of {name:?} for {vertices} vertices")]
+    ScalarCount {
+        /// Name of the scalars.
+        name: String,
+        /// Number of values.
+        values: usize,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// A coordinate or scalar is NaN or infinite.
+    #[error("vertex {vertex} (counted from 0): {quantity} is {value}")]
+    NonFinite {
+        /// Index of the vertex.
+        vertex: usize,
+        /// `coordinate`, or the name of the scalars.
+        quantity: String,
+        /// The value.
+        value: f64,
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} (counted from 0) names vertex {index}; there are {count}")]
+    IndexOutOfRange {
+        /// Index of the triangle.
+        triangle: usize,
+        /// The vertex index.
+        index: u32,
+        /// Number of vertices.
+        count: usize,
+    },
+    /// A format's counters are 32 bit wide.
+    #[error("{count} vertices or triangles; the format counts up to {limit}")]
+    TooLarge {
+        /// Number of vertices or triangles.
+        count: usize,
+        /// The limit.
+        limit: usize,
+    },
+}

@@ -1,0 +1,165 @@
+//! Spline models in files: our own JSON, G+Smo's XML, STEP.
+//!
+//! JSON is read back to the last bit and is the format to keep. XML goes to and comes from G+Smo. STEP goes to CAD:
+//! it knows no hierarchical splines, so a surface becomes one tensor-product face or a shell of several, without any
+//! approximation ([`step`]).
+
+mod build;
+mod error;
+pub mod gismo;
+pub mod json;
+pub mod step;
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use thb_core::SplineMap;
+
+pub use error::{ModelError, ModelErrorKind};
+pub use step::StepOptions;
+
+use crate::write::write_atomically;
+
+/// A fitted curve or surface, with what a file needs to know beyond its coefficients.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The map.
+    pub geometry: Geometry,
+    /// Unit of its coordinates.
+    pub unit: LengthUnit,
+    /// Anything else worth keeping, such as where the model came from. JSON only; empty after reading other formats.
+    pub metadata: serde_json::Map<String, serde_json::Value>,
+}
+
+/// A spline map of parameter dimension 1 or 2.
+#[derive(Clone, Debug)]
+pub enum Geometry {
+    /// A curve.
+    Curve(SplineMap<1>),
+    /// A surface.
+    Surface(SplineMap<2>),
+}
+
+/// The length of 1 in the coordinates of a model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LengthUnit {
+    /// 0.001 m.
+    #[default]
+    Millimetre,
+    /// 1 m.
+    Metre,
+    /// 0.0254 m.
+    Inch,
+}
+
+impl LengthUnit {
+    /// The unit's name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Millimetre => "millimetre",
+            Self::Metre => "metre",
+            Self::Inch => "inch",
+        }
+    }
+
+    /// The unit of a name in files.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Millimetre, Self::Metre, Self::Inch].into_iter().find(|unit| unit.name() == name)
+    }
+}
+
+impl Model {
+    /// A curve without metadata.
+    pub fn curve(map: SplineMap<1>, unit: LengthUnit) -> Self {
+        Self { geometry: Geometry::Curve(map), unit, metadata: serde_json::Map::new() }
+    }
+
+    /// A surface without metadata.
+    pub fn surface(map: SplineMap<2>, unit: LengthUnit) -> Self {
+        Self { geometry: Geometry::Surface(map), unit, metadata: serde_json::Map::new() }
+    }
+}
+
+/// A format for models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModelFormat {
+    /// Our own format, `.json`.
+    Json,
+    /// G+Smo's, `.xml`.
+    GismoXml,
+    /// AP214, `.step` or `.stp`; written only.
+    Step,
+}
+
+impl ModelFormat {
+    /// The format of a file name's extension, in any case.
+    pub fn from_path(path: &Path) -> Option<Self> {
+        match extension(path).as_str() {
+            "json" => Some(Self::Json),
+            "xml" => Some(Self::GismoXml),
+            "step" | "stp" => Some(Self::Step),
+            _ => None,
+        }
+    }
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+/// How a model is written.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WriteOptions {
+    /// For STEP. An empty file name there is replaced by that of the file.
+    pub step: StepOptions,
+}
+
+/// Writes a model in the format of the file name's extension (`.step`, `.stp`, `.xml`, `.json`), whole or not at all.
+///
+/// # Errors
+/// [`ModelError`] with [`ModelErrorKind::UnknownExtension`], what the system says, or what the format cannot hold.
+pub fn write_model(path: &Path, model: &Model, options: &WriteOptions) -> Result<(), ModelError> {
+    let write = || -> Result<(), ModelErrorKind> {
+        let unknown =
+            || ModelErrorKind::UnknownExtension { extension: extension(path), supported: ".step .stp .xml .json" };
+        match ModelFormat::from_path(path).ok_or_else(unknown)? {
+            ModelFormat::Json => write_atomically(path, |out| json::write_json(out, model))?,
+            ModelFormat::GismoXml => write_atomically(path, |out| gismo::write_gismo(out, model))?,
+            ModelFormat::Step => {
+                let mut options = options.step.clone();
+                if options.file_name.is_empty() {
+                    options.file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                }
+                let file = step::StepFile::new(model, &options)?;
+                write_atomically(path, |out| file.write(out))?;
+            }
+        }
+        Ok(())
+    };
+    write().map_err(|kind| ModelError { path: path.to_owned(), kind })
+}
+
+/// Reads a model from a `.json` or `.xml` file.
+///
+/// # Errors
+/// [`ModelError`] that names the file and the violated condition.
+pub fn read_model(path: &Path) -> Result<Model, ModelError> {
+    let read = || match ModelFormat::from_path(path) {
+        Some(ModelFormat::Json) => json::parse_json(&fs::read(path)?),
+        Some(ModelFormat::GismoXml) => gismo::parse_gismo(&fs::read(path)?),
+        _ => Err(ModelErrorKind::UnknownExtension { extension: extension(path), supported: ".json .xml" }),
+    };
+    read().map_err(|kind| ModelError { path: path.to_owned(), kind })
+}
+
+/// Longest quotation from a file in an error, so that a damaged file does not flood the terminal.
+const QUOTE_LENGTH: usize = 40;
+
+fn quote(text: &str) -> String {
+    match text.char_indices().nth(QUOTE_LENGTH) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}

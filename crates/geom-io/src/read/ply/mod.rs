@@ -1,0 +1,93 @@
+//! Stanford PLY (Turk 1994): ASCII and binary, any scalar types.
+//!
+//! Of element `vertex` the properties `x`, `y`, `z` are read, of element `face` the list `vertex_indices`
+//! (or `vertex_index`); everything else is stepped over.
+
+mod body;
+mod header;
+
+use self::body::Body;
+use self::header::{Element, Header, Kind};
+use super::faces::{Faces, vertex_index};
+use super::text::{Lines, finite};
+use super::{Format, Scan, rows};
+use crate::error::ReadErrorKind;
+
+pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
+    let mut lines = Lines::new(bytes);
+    let header = Header::parse(&mut lines)?;
+    let vertex_count = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
+    let mut body = Body::new(lines, header.encoding);
+    let mut coordinates = Vec::new();
+    let mut faces = Faces::default();
+    let mut notes = Vec::new();
+    for element in &header.elements {
+        match element.name.as_str() {
+            "vertex" if coordinates.is_empty() => coordinates = read_vertices(&mut body, element)?,
+            "face" => match element.corner_list() {
+                Some(list) => read_faces(&mut body, element, list, vertex_count, &mut faces)?,
+                None => {
+                    body.for_each(element, &[], |_, _| Ok(()))?;
+                    notes.push("the faces list no vertices and were ignored".to_owned());
+                }
+            },
+            name => {
+                body.for_each(element, &[], |_, _| Ok(()))?;
+                notes.push(format!("{} records of element {name} were ignored", element.count));
+            }
+        }
+    }
+    let surplus = body.bytes_left();
+    if surplus > 0 {
+        notes.push(format!("{surplus} bytes after the last element were ignored"));
+    }
+    let mut scan = Scan::new(Format::Ply, rows(coordinates, 3));
+    scan.triangles = faces.finish(&mut notes);
+    scan.notes = notes;
+    Ok(scan)
+}
+
+fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vec<f64>, ReadErrorKind> {
+    let column = |property: &'static str| {
+        let scalar = |p: &header::Property| p.name == property && matches!(p.kind, Kind::Scalar(_));
+        element.properties.iter().position(scalar).ok_or_else(|| ReadErrorKind::MissingProperty {
+            property,
+            found: element.properties.iter().map(|p| p.name.clone()).collect(),
+        })
+    };
+    let columns = [column("x")?, column("y")?, column("z")?];
+    // Values arrive in the order of the file's properties.
+    let mut in_file_order = columns;
+    in_file_order.sort_unstable();
+    let order = columns.map(|column| in_file_order.iter().position(|&c| c == column).unwrap_or_default());
+
+    let mut coordinates = Vec::with_capacity(3 * body.at_most(element));
+    body.for_each(element, &in_file_order, |xyz, place| {
+        for axis in order {
+            coordinates.push(finite(xyz[axis], || place.location())?);
+        }
+        Ok(())
+    })?;
+    Ok(coordinates)
+}
+
+fn read_faces(
+    body: &mut Body<'_>,
+    element: &Element,
+    list: usize,
+    vertex_count: usize,
+    faces: &mut Faces,
+) -> Result<(), ReadErrorKind> {
+    let mut corners = Vec::new();
+    body.for_each(element, &[list], |indices, place| {
+        corners.clear();
+        for &index in indices {
+            if index.fract() != 0.0 {
+                return Err(ReadErrorKind::NotAnIndex { location: place.location(), text: index.to_string() });
+            }
+            corners.push(vertex_index(index as i64, vertex_count, || place.location())?);
+        }
+        faces.push(&corners);
+        Ok(())
+    })
+}

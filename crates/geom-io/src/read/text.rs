@@ -1,0 +1,220 @@
+//! Lines, fields and numbers of text files, on bytes.
+
+use crate::error::{Location, ReadErrorKind};
+
+/// Longest quotation from a file in an error, so that a binary file does not flood the terminal.
+const QUOTE_LENGTH: usize = 40;
+
+/// A line without its end, and its number.
+#[derive(Clone, Copy)]
+pub(super) struct Line<'a> {
+    /// Counted from 1.
+    pub(super) number: usize,
+    pub(super) text: &'a [u8],
+}
+
+/// Lines ended by LF, CR LF or CR.
+#[derive(Clone)]
+pub(super) struct Lines<'a> {
+    rest: &'a [u8],
+    number: usize,
+}
+
+impl<'a> Lines<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        Self { rest: bytes, number: 0 }
+    }
+
+    /// What follows the lines taken so far.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        self.rest
+    }
+
+    /// The next line that is not blank, trimmed.
+    pub(super) fn next_filled(&mut self) -> Option<Line<'a>> {
+        self.next_data(|text| text)
+    }
+
+    /// The next line with something before its comment; that part, trimmed.
+    pub(super) fn next_data(&mut self, before_comment: impl Fn(&'a [u8]) -> &'a [u8]) -> Option<Line<'a>> {
+        self.find_map(|line| {
+            let text = trim(before_comment(line.text));
+            (!text.is_empty()).then_some(Line { text, ..line })
+        })
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = Line<'a>;
+
+    fn next(&mut self) -> Option<Line<'a>> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let end = self.rest.iter().position(|&b| b == b'\n' || b == b'\r');
+        let (text, after) = self.rest.split_at(end.unwrap_or(self.rest.len()));
+        let after = after.strip_prefix(b"\r").map_or(after, |a| if a.starts_with(b"\n") { a } else { after });
+        self.rest = after.get(1..).unwrap_or_default();
+        self.number += 1;
+        Some(Line { number: self.number, text })
+    }
+}
+
+impl<'a> Line<'a> {
+    /// Blank-separated fields.
+    pub(super) fn fields(self) -> Fields<'a> {
+        Separator::Blanks.fields(self.text)
+    }
+
+    pub(super) fn location(self) -> Location {
+        Location::Line(self.number)
+    }
+
+    /// The finite number that `field`, a part of this line, spells.
+    pub(super) fn coordinate(self, field: &[u8]) -> Result<f64, ReadErrorKind> {
+        let value = self.number(field)?;
+        finite(value, || self.location())
+    }
+
+    /// The number, finite or not, that `field` spells.
+    pub(super) fn number(self, field: &[u8]) -> Result<f64, ReadErrorKind> {
+        parse_number(field).ok_or_else(|| self.not_a_number(field))
+    }
+
+    /// The first three fields as coordinates; further fields are left alone.
+    pub(super) fn xyz(self, mut fields: Fields<'a>) -> Result<[f64; 3], ReadErrorKind> {
+        let mut xyz = [0.0; 3];
+        for found in 0..xyz.len() {
+            let field = fields.next().ok_or_else(|| self.row_length(3, found))?;
+            xyz[found] = self.coordinate(field)?;
+        }
+        Ok(xyz)
+    }
+
+    pub(super) fn row_length(self, expected: usize, found: usize) -> ReadErrorKind {
+        ReadErrorKind::RowLength { line: self.number, expected, found }
+    }
+
+    pub(super) fn bad_header(self, reason: &'static str) -> ReadErrorKind {
+        match is_text(self.text) {
+            true => ReadErrorKind::Header { line: self.number, text: quote(self.text), reason },
+            false => ReadErrorKind::NotText { line: self.number },
+        }
+    }
+
+    pub(super) fn not_a_number(self, field: &[u8]) -> ReadErrorKind {
+        match is_text(field) {
+            true => ReadErrorKind::NotANumber { location: self.location(), text: quote(field) },
+            false => ReadErrorKind::NotText { line: self.number },
+        }
+    }
+
+    pub(super) fn not_an_index(self, field: &[u8]) -> ReadErrorKind {
+        match is_text(field) {
+            true => ReadErrorKind::NotAnIndex { location: self.location(), text: quote(field) },
+            false => ReadErrorKind::NotText { line: self.number },
+        }
+    }
+}
+
+/// What stands between two fields.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Separator {
+    /// One or more blanks or tabs.
+    Blanks,
+    /// One such byte; blanks round it do not count.
+    Byte(u8),
+}
+
+impl Separator {
+    /// The separator of a line: a semicolon if there is one, else a comma, else blanks.
+    ///
+    /// One separator a file, not any mixture: otherwise `1,5;2,5` would read as four numbers.
+    pub(super) fn of(text: &[u8]) -> Self {
+        [b';', b','].into_iter().find(|b| text.contains(b)).map_or(Self::Blanks, Self::Byte)
+    }
+
+    /// Whether a line ends in an empty field.
+    pub(super) fn ends(self, text: &[u8]) -> bool {
+        let Self::Byte(separator) = self else { return false };
+        text.iter().rev().find(|&&b| b == separator || !is_blank(b)) == Some(&separator)
+    }
+
+    pub(super) fn fields(self, text: &[u8]) -> Fields<'_> {
+        Fields { rest: text, separator: self }
+    }
+}
+
+/// The fields of a line, trimmed. A separator at the end of the line opens no further field.
+#[derive(Clone)]
+pub(super) struct Fields<'a> {
+    rest: &'a [u8],
+    separator: Separator,
+}
+
+impl<'a> Iterator for Fields<'a> {
+    type Item = &'a [u8];
+
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let (rest, end) = match self.separator {
+            Separator::Blanks => {
+                let rest = trim_start(self.rest);
+                (rest, rest.iter().position(|&b| is_blank(b)))
+            }
+            Separator::Byte(separator) => (self.rest, self.rest.iter().position(|&b| b == separator)),
+        };
+        match end {
+            Some(end) => {
+                self.rest = &rest[end + 1..];
+                Some(trim(&rest[..end]))
+            }
+            None => {
+                self.rest = &[];
+                Some(trim(rest)).filter(|field| !field.is_empty())
+            }
+        }
+    }
+}
+
+pub(super) fn is_blank(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | 0x0b | 0x0c)
+}
+
+fn trim_start(text: &[u8]) -> &[u8] {
+    let start = text.iter().position(|&b| !is_blank(b)).unwrap_or(text.len());
+    &text[start..]
+}
+
+pub(super) fn trim(text: &[u8]) -> &[u8] {
+    let end = text.iter().rposition(|&b| !is_blank(b)).map_or(0, |last| last + 1);
+    trim_start(&text[..end])
+}
+
+pub(super) fn parse_number(field: &[u8]) -> Option<f64> {
+    fast_float2::parse(field).ok()
+}
+
+/// A count or index in decimal digits.
+pub(super) fn parse_count(field: &[u8]) -> Option<usize> {
+    std::str::from_utf8(field).ok()?.parse().ok()
+}
+
+pub(super) fn finite(value: f64, location: impl FnOnce() -> Location) -> Result<f64, ReadErrorKind> {
+    match value.is_finite() {
+        true => Ok(value),
+        false => Err(ReadErrorKind::NonFinite { location: location(), value }),
+    }
+}
+
+/// Without control characters, and in UTF-8.
+pub(super) fn is_text(bytes: &[u8]) -> bool {
+    !bytes.iter().any(|&b| b.is_ascii_control() && !is_blank(b)) && std::str::from_utf8(bytes).is_ok()
+}
+
+pub(super) fn quote(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    match text.char_indices().nth(QUOTE_LENGTH) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.into_owned(),
+    }
+}

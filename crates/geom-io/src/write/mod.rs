@@ -1,0 +1,9 @@
+//! Writers.
+
+mod atomic;
+mod colour;
+mod mesh;
+
+pub use atomic::write_atomically;
+pub use colour::ColourMap;
+pub use mesh::{MeshFormat, MeshStyle, MeshWithScalars, Scalars, write_mesh};

@@ -1,0 +1,207 @@
+//! No bytes make a reader panic, hang or reserve memory without bound.
+
+use geom_io::{Format, ReadOptions, parse_scan};
+use proptest::prelude::*;
+
+fn read(format: Format, bytes: &[u8]) -> Result<geom_io::Scan, geom_io::ReadErrorKind> {
+    parse_scan(bytes, format, &ReadOptions::default())
+}
+
+/// What holds of anything that was read.
+fn check_invariants(scan: &geom_io::Scan) {
+    let cloud = &scan.cloud;
+    let m = cloud.points.nrows();
+    assert!(m > 0 && cloud.points.iter().all(|c| c.is_finite()));
+    if let Some(parameters) = &cloud.parameters {
+        assert!(parameters.nrows() == m && parameters.iter().all(|c| c.is_finite()));
+    }
+    assert!(cloud.grid.is_none_or(|grid| grid.n_u * grid.n_v == m));
+    assert!(scan.triangles.iter().flatten().flatten().all(|&index| (index as usize) < m));
+}
+
+/// A valid small file of each format; PLY in three encodings.
+fn samples() -> Vec<(Format, Vec<u8>)> {
+    let ply = |encoding: &str, body: &[u8]| {
+        let header = format!(
+            "ply\nformat {encoding} 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             property uchar red\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        );
+        (Format::Ply, [header.as_bytes(), body].concat())
+    };
+    let binary = |float: fn(f32) -> [u8; 4], int: fn(i32) -> [u8; 4]| {
+        let mut body = Vec::new();
+        for k in 0..3 {
+            body.extend([k as f32, 0.5, -1.0].map(float).concat());
+            body.push(200);
+        }
+        body.push(3);
+        body.extend([0, 1, 2].map(int).concat());
+        body
+    };
+    vec![
+        ply("ascii", b"0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n"),
+        ply("binary_little_endian", &binary(f32::to_le_bytes, i32::to_le_bytes)),
+        ply("binary_big_endian", &binary(f32::to_be_bytes, i32::to_be_bytes)),
+        (Format::Obj, b"v 0 0 0\nv 1 0 0\nvt 0 1\nv 0 1 0\nf 1/1 2/1 3/1\nf -3 -2 -1\n".to_vec()),
+        (Format::Off, b"COFF\n# c\n3 1 3\n0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n".to_vec()),
+        (Format::Xyz, b"3\n# c\n0 0 0\n1,\t0 0 // c\n0 1 0\n".to_vec()),
+        (Format::Xyz, b"x; y; z\n0;0;0\n1;0;0;\n0;1;0\n".to_vec()),
+        (Format::Csv, b"i,j,u,v,x,y,z,n\n1,1,0,0,0,0,1,a\n1,2,0,1,0,1,1,\n2,2,1,1,1,1,1,b\n2,1,1,0,1,0,1,c\n".to_vec()),
+        (
+            Format::EsriGrid,
+            b"ncols 2\nnrows 2\nxllcorner 1\nyllcorner 2\ncellsize 3\nNODATA_value -9\n1 2\n3 -9\n".to_vec(),
+        ),
+        (
+            Format::GismoXml,
+            b"<?xml version=\"1.0\"?><xml><Matrix rows=\"2\" cols=\"2\" id=\"0\">0 1\n0 1</Matrix>\
+              <Matrix rows=\"3\" cols=\"2\" id=\"1\">0 1 0 1 0 1</Matrix></xml>"
+                .to_vec(),
+        ),
+    ]
+}
+
+#[test]
+fn cut_after_any_byte() {
+    for (format, bytes) in samples() {
+        for end in 0..bytes.len() {
+            if let Ok(scan) = read(format, &bytes[..end]) {
+                check_invariants(&scan);
+            }
+        }
+    }
+}
+
+/// A binary PLY file that lacks even its last byte is an error; so is one cut in its header.
+#[test]
+fn binary_ply_is_never_read_in_part() {
+    for (format, bytes) in samples().into_iter().filter(|(_, bytes)| bytes.windows(6).any(|w| w == b"binary")) {
+        assert!(read(format, &bytes).is_ok());
+        for end in 0..bytes.len() {
+            assert!(read(format, &bytes[..end]).is_err(), "cut at {end} of {}", bytes.len());
+        }
+    }
+}
+
+#[test]
+fn any_byte_replaced() {
+    for (format, bytes) in samples() {
+        for place in 0..bytes.len() {
+            for byte in [0, b'\n', b' ', b',', b'-', b'9', b'e', b'"', b'<', 0x7f, 0xff] {
+                let mut changed = bytes.clone();
+                changed[place] = byte;
+                if let Ok(scan) = read(format, &changed) {
+                    check_invariants(&scan);
+                }
+            }
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn several_bytes_replaced(
+        sample in any::<prop::sample::Index>(),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+    ) {
+        let samples = samples();
+        let (format, bytes) = sample.get(&samples);
+        let mut changed = bytes.clone();
+        for (place, byte) in changes {
+            let place = place.index(changed.len());
+            changed[place] = byte;
+        }
+        if let Ok(scan) = read(*format, &changed) {
+            check_invariants(&scan);
+        }
+    }
+
+    #[test]
+    fn garbage(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        for format in Format::ALL {
+            if let Ok(scan) = read(format, &bytes) {
+                check_invariants(&scan);
+            }
+        }
+    }
+
+    /// Text made of the pieces that the formats consist of gets further into the readers than random bytes.
+    #[test]
+    fn shuffled_pieces(pieces in prop::collection::vec(prop::sample::select(PIECES), 0..40)) {
+        let text = pieces.concat();
+        for format in Format::ALL {
+            if let Ok(scan) = read(format, text.as_bytes()) {
+                check_invariants(&scan);
+            }
+        }
+    }
+
+    /// A header in order, then anything.
+    #[test]
+    fn garbage_after_a_ply_header(
+        vertices in 0_u64..5, faces in any::<u64>(), bytes in prop::collection::vec(any::<u8>(), 0..100),
+        encoding in prop::sample::select(&["ascii", "binary_little_endian", "binary_big_endian"][..]),
+        list in prop::sample::select(&["char int", "uint double", "float uchar", "double float"][..]),
+    ) {
+        let header = format!(
+            "ply\nformat {encoding} 1.0\nelement vertex {vertices}\nproperty short x\nproperty char y\nproperty uchar z\n\
+             element face {faces}\nproperty list {list} other\nproperty list {list} vertex_indices\nend_header\n"
+        );
+        if let Ok(scan) = read(Format::Ply, &[header.as_bytes(), &bytes].concat()) {
+            check_invariants(&scan);
+        }
+    }
+}
+
+const PIECES: &[&str] = &[
+    "\n",
+    "\n",
+    "\n",
+    "\r\n",
+    "\r",
+    " ",
+    " ",
+    "\t",
+    ",",
+    ";",
+    "#",
+    "//",
+    "/",
+    "\"",
+    "0",
+    "1",
+    "2",
+    "3",
+    "-1",
+    "1.5",
+    "1e400",
+    "nan",
+    "99999999999999999999",
+    "18446744073709551615",
+    "ply\n",
+    "format ascii 1.0\n",
+    "element vertex 2\n",
+    "element face 1\n",
+    "property float x\n",
+    "property list uchar int vertex_indices\n",
+    "end_header\n",
+    "v ",
+    "f ",
+    "vt ",
+    "OFF\n",
+    "COFF ",
+    "x,y,z\n",
+    "i,j,x,y\n",
+    "u v x y\n",
+    "ncols ",
+    "nrows ",
+    "xllcorner ",
+    "yllcenter ",
+    "cellsize ",
+    "NODATA_value ",
+    "<xml>",
+    "</xml>",
+    "<Matrix id=\"0\" rows=\"2\" cols=\"1\">",
+    "</Matrix>",
+    "\u{feff}",
+    "é",
+];
