@@ -1,2 +1,140 @@
-//! cli
-fn main() {}
+//! The command line `thb`: arguments to options, to one call of `reconstruct`, to an exit code.
+
+mod args;
+mod progress;
+
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::Parser;
+use reconstruct::{BatchOptions, Error, PartOutcome, PartResult, run_batch};
+use serde::Serialize;
+
+use args::{Cli, Command, FitArgs};
+use progress::Progress;
+
+const FAILED: u8 = 1;
+const USAGE: u8 = 2;
+const TOLERANCE_NOT_REACHED: u8 = 3;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let level = match cli.verbose {
+        0 => tracing::Level::ERROR,
+        1 => tracing::Level::INFO,
+        _ => tracing::Level::DEBUG,
+    };
+    // Failures are reported by `main` itself; the log is for those who ask for it.
+    if cli.verbose > 0 {
+        tracing_subscriber::fmt().with_max_level(level).with_writer(io::stderr).init();
+    }
+    match run(cli.command) {
+        Ok(code) => ExitCode::from(code),
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            complain(&format!("{error:#}"));
+            let usage = matches!(
+                error.downcast_ref(),
+                Some(
+                    Error::OptionRange { .. }
+                        | Error::OutputFormat { .. }
+                        | Error::NeedsDirectory { .. }
+                        | Error::SameName { .. }
+                )
+            );
+            ExitCode::from(if usage { USAGE } else { FAILED })
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<u8> {
+    match command {
+        Command::Fit(args) => return fit(&args),
+        Command::Eval { model, parameters } => {
+            let rows = reconstruct::eval_model(&model, &parameters)?;
+            let header = ["u", "v", "x", "y", "z"];
+            // Curves have one parameter; planar models two coordinates.
+            let names: &[&str] = match rows.ncols() {
+                4 => &["u", "x", "y", "z"],
+                3 => &["u", "x", "y"],
+                n => &header[..n.min(5)],
+            };
+            let mut out = BufWriter::new(io::stdout().lock());
+            writeln!(out, "{}", names.join(","))?;
+            for row in rows.outer_iter() {
+                let numbers: Vec<String> = row.iter().map(f64::to_string).collect();
+                writeln!(out, "{}", numbers.join(","))?;
+            }
+            out.flush()?;
+        }
+        Command::Convert { model, output, max_step_control_points, flip } => {
+            reconstruct::convert(&model, &output, max_step_control_points, flip)?;
+        }
+        Command::Compare { model, cloud, tol } => print_json(&reconstruct::compare(&model, &cloud, tol)?)?,
+        Command::Info { file } => print_json(&reconstruct::info(&file)?)?,
+    }
+    Ok(0)
+}
+
+fn fit(args: &FitArgs) -> anyhow::Result<u8> {
+    let options = args.options();
+    rayon::ThreadPoolBuilder::new().num_threads(options.threads).build_global()?;
+    let batch =
+        BatchOptions { outputs: args.outputs.clone(), report: args.report.clone(), jobs: usize::from(args.jobs) };
+    let progress = Progress::new(args.inputs.len(), options.within);
+    let results = run_batch(&args.inputs, &options, &batch, &|event| progress.show(event))?;
+    progress.finish();
+    for result in &results {
+        if let PartOutcome::Failed { error } = &result.outcome {
+            // Errors of files name the file already.
+            let name = result.input.display().to_string();
+            complain(&if error.starts_with(&name) { error.clone() } else { format!("{name}: {error}") });
+        }
+    }
+    if let Some(path) = &args.summary {
+        write_summary(path, &results)?;
+    }
+    Ok(exit_code(&results))
+}
+
+/// The worst of all parts.
+fn exit_code(results: &[PartResult]) -> u8 {
+    let code = |result: &PartResult| match result.outcome {
+        PartOutcome::Failed { .. } => FAILED,
+        PartOutcome::Fitted { reached: false, .. } => TOLERANCE_NOT_REACHED,
+        PartOutcome::Fitted { .. } => 0,
+    };
+    let worst_first = [FAILED, TOLERANCE_NOT_REACHED];
+    worst_first.into_iter().find(|&bad| results.iter().any(|r| code(r) == bad)).unwrap_or(0)
+}
+
+fn write_summary(path: &Path, results: &[PartResult]) -> anyhow::Result<()> {
+    let mut lines = String::new();
+    for result in results {
+        lines += &serde_json::to_string(result)?;
+        lines.push('\n');
+    }
+    Ok(reconstruct::write_text(path, &lines)?)
+}
+
+fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
+    let mut out = io::stdout().lock();
+    serde_json::to_writer_pretty(&mut out, value)?;
+    Ok(writeln!(out)?)
+}
+
+/// A reader that closed its end, such as `head`, has what it wanted.
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        cause.downcast_ref::<io::Error>().is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe)
+            || cause
+                .downcast_ref::<serde_json::Error>()
+                .is_some_and(|e| e.io_error_kind() == Some(io::ErrorKind::BrokenPipe))
+    })
+}
+
+#[expect(clippy::print_stderr, reason = "the one place where errors are shown")]
+fn complain(message: &str) {
+    eprintln!("thb: {message}");
+}

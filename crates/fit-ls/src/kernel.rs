@@ -3,6 +3,7 @@
 
 use std::ops::Range;
 
+use pulp::NullaryFnOnce;
 use thb_core::BezierMap;
 use thb_core::bernstein::{BLOCK, Block, LANES, add_products, total, values_block};
 
@@ -38,9 +39,8 @@ pub(crate) fn sums<const D: usize>(
     let mut moments = vec![[0.0; LANES]; n_moments];
     let mut right = vec![[0.0; LANES]; n_local * points.dim()];
     let mut scratch = Scratch::new(degree, points.dim());
-    pulp::Arch::new().dispatch(|| {
-        sums_inlined(points, range, degree, (lower, upper), &mut scratch, &mut moments, &mut right);
-    });
+    let (corners, scratch) = ((lower, upper), &mut scratch);
+    pulp::Arch::new().dispatch(Sums { points, range, degree, corners, scratch, moments: &mut moments, right: &mut right });
     CellSums { moments: moments.iter().map(total).collect(), right: right.iter().map(total).collect() }
 }
 
@@ -53,7 +53,49 @@ pub(crate) fn distances<const D: usize>(
     out: &mut [f64],
 ) {
     let mut scratch = Scratch::new(map.degree(), points.dim());
-    pulp::Arch::new().dispatch(|| distances_inlined(points, range, map, cell, &mut scratch, out));
+    pulp::Arch::new().dispatch(Distances { points, range, map, cell, scratch: &mut scratch, out });
+}
+
+/// Arguments of the loop of [`sums`].
+///
+/// PERF: types instead of closures, whose bodies are too large to be inlined into the functions that `pulp` compiles for
+/// wide vectors; bench `assembly`.
+struct Sums<'a, const D: usize> {
+    points: &'a SortedPoints<D>,
+    range: Range<usize>,
+    degree: [usize; D],
+    corners: ([f64; D], [f64; D]),
+    scratch: &'a mut Scratch<D>,
+    moments: &'a mut [[f64; LANES]],
+    right: &'a mut [[f64; LANES]],
+}
+
+impl<const D: usize> NullaryFnOnce for Sums<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        sums_inlined(self.points, self.range, self.degree, self.corners, self.scratch, self.moments, self.right);
+    }
+}
+
+/// Arguments of the loop of [`distances`].
+struct Distances<'a, const D: usize> {
+    points: &'a SortedPoints<D>,
+    range: Range<usize>,
+    map: &'a BezierMap<D>,
+    cell: usize,
+    scratch: &'a mut Scratch<D>,
+    out: &'a mut [f64],
+}
+
+impl<const D: usize> NullaryFnOnce for Distances<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        distances_inlined(self.points, self.range, self.map, self.cell, self.scratch, self.out);
+    }
 }
 
 struct Scratch<const D: usize> {

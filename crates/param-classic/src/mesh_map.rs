@@ -61,7 +61,7 @@ const SHORTEST_SPOKE: f64 = 1e-3;
 /// The map keeps the orientation: triangles are counter-clockwise in (u, v), so `S_u × S_v` points to the side from
 /// which the mesh's triangles are counter-clockwise. It is one-to-one (see [`Weights`]) except at edges between two
 /// vertices of one side: a triangle with all its vertices on one side collapses into it, and so does all that such an
-/// edge cuts off. This is reported, not an error: the parameters of its points still differ.
+/// edge cuts off. This is reported, not an error: boundary vertices keep different parameters.
 ///
 /// Holes are closed by virtual triangles from their rim to an extra vertex in their centre, since without them the
 /// rim could not be in the mean of its neighbours without folding.

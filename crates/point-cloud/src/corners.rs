@@ -98,7 +98,8 @@ pub fn disk_corners(disk: &DiskMesh, choice: CornerChoice) -> Result<Corners, Cl
 ///
 /// Among all quadruples of candidate points at least `separation` apart, the one with the best sum of four terms is
 /// taken: sharp convex corners first, then opposite sides of like length, then four sides of like length, and where an
-/// outline is so round that these leave the choice open, sides along the principal axis of the loop. u runs along the longer pair of opposite sides; of the
+/// outline is so round that these leave the choice open, sides along the principal axis of the loop. u runs along the pair of opposite sides with the
+/// greater length; of the
 /// two corners that can then be (0, 0) it is the one with the smaller coordinates (compared x first, then y, then z).
 ///
 /// Left and right are seen from the side from which the loop runs counter-clockwise (the direction of its vector
@@ -131,9 +132,9 @@ const IMBALANCE_WEIGHT: f64 = 1.0;
 /// Weight of the unevenness of the four sides: where an outline is round, the corners go to quarter points. Corners at
 /// the ends of a long strip, the most uneven there can be, cost half as much as one of them counts.
 const UNEVENNESS_WEIGHT: f64 = 0.5;
-/// Weight of the misalignment with the principal axis. At 0.3 sides turned by 45 degrees cost less than a tenth of a
-/// corner, so the axis decides only where corners leave the choice open.
-const MISALIGNMENT_WEIGHT: f64 = 0.3;
+/// Weight of the misalignment with the principal axis. Sides turned by 45 degrees cost a twentieth of a corner, so the
+/// axis decides only where corners and lengths leave the choice open.
+const MISALIGNMENT_WEIGHT: f64 = 0.1;
 
 struct CornerFinder {
     curve: LoopCurve,
@@ -216,9 +217,19 @@ impl CornerFinder {
                 let lasting = (wide - of_circle) * FRAC_PI_2 / (FRAC_PI_2 - of_circle);
                 // Extrapolated to scale zero: smooth turning, proportional to the scale, cancels; that of a corner stays.
                 let at_zero = 2.0 * fine[i] - double[i];
-                fine[i].min(at_zero).min(lasting)
+                let sharpness = fine[i].min(at_zero).min(lasting);
+                // Beside a corner the averaged tangents still turn: only the peak is the corner.
+                if self.is_peak(i, fine, scale) { sharpness } else { sharpness.min(0.0) }
             })
             .collect()
+    }
+
+    /// Whether no vertex within a stretch `scale` on either side turns more than vertex `i`.
+    fn is_peak(&self, i: usize, turning: &[f64], scale: f64) -> bool {
+        let (n, h) = (self.curve.len(), scale * self.curve.perimeter());
+        let after = (1..n).map(|k| (i + k) % n).take_while(|&j| self.curve.arc(i, j) <= h);
+        let before = (1..n).map(|k| (i + n - k) % n).take_while(|&j| self.curve.arc(j, i) <= h);
+        after.chain(before).all(|j| turning[j] <= turning[i])
     }
 
     /// The turning at every vertex between the tangents averaged over a stretch `scale` (a share of the perimeter) on
@@ -319,11 +330,11 @@ fn imbalance(a: f64, b: f64) -> f64 {
     ((a - b) / (a + b)).powi(2)
 }
 
-/// 0 when one pair of sides runs along `axis` on average, at most 1.
+/// Squared sine of the angle between `axis` and the pair of sides that runs along it on average.
 fn misalignment([a, b, c, d]: [[f64; 3]; 4], axis: [f64; 3]) -> f64 {
     let along = |p: [f64; 3], q: [f64; 3], r: [f64; 3], s: [f64; 3]| {
         let sum: [f64; 3] = std::array::from_fn(|k| (q[k] - p[k]) + (s[k] - r[k]));
-        dot(unit(sum), axis).abs()
+        dot(unit(sum), axis).powi(2)
     };
     1.0 - along(a, b, d, c).max(along(b, c, a, d))
 }

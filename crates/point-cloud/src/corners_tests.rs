@@ -51,11 +51,12 @@ fn an_ellipse_is_cut_into_balanced_sides_along_its_axes() {
         let perimeter = s0 + s1 + s2 + s3;
         assert!((s0 - s2).abs() < 0.05 * perimeter && (s1 - s3).abs() < 0.05 * perimeter);
         if a != b {
-            // The long axis bisects the short sides: each side keeps to one half-plane of an axis.
-            let [p, q, r, s] = found.positions.map(|i| [ellipse[[i, 0]], ellipse[[i, 1]]]);
-            let long = usize::from(b > a);
-            assert!((q[long] - p[long]).abs() > 4.0 * (q[1 - long] - p[1 - long]).abs());
-            assert!((r[long] - s[long]).abs() > 4.0 * (r[1 - long] - s[1 - long]).abs());
+            // Symmetric about both axes: every side runs along one of them.
+            let at = found.positions.map(|i| [ellipse[[i, 0]], ellipse[[i, 1]]]);
+            for k in 0..4 {
+                let [dx, dy] = [0, 1].map(|axis| (at[(k + 1) % 4][axis] - at[k][axis]).abs());
+                assert!(dx.max(dy) > 4.0 * dx.min(dy), "{a}:{b} side {k}: {dx} by {dy}");
+            }
         }
     }
 }

@@ -1,1 +1,45 @@
-//! reconstruct
+//! From a scan to a THB-spline surface in one library call.
+//!
+//! [`fit_scan`] takes what a file held, finds parameters, fits adaptively and reports how good the result is;
+//! [`write_outputs`] writes it in the formats of the given file names; [`run_batch`] does both for many files.
+//! [`compare`], [`eval_model`], [`convert`] and [`info`] answer questions about models and files. This crate parses no
+//! arguments and prints nothing.
+//!
+//! ```
+//! use reconstruct::{FitOptions, fit_scan};
+//! use geom_io::{Format, ReadOptions, parse_scan};
+//!
+//! // A gridded cloud: a parabolic cylinder.
+//! let mut csv = String::from("i,j,x,y,z\n");
+//! for (i, j) in (0..12).flat_map(|i| (0..10).map(move |j| (i, j))) {
+//!     let (x, y) = (f64::from(i) / 11.0, f64::from(j) / 9.0);
+//!     csv += &format!("{i},{j},{x},{y},{}\n", x * x);
+//! }
+//! let scan = parse_scan(csv.as_bytes(), Format::Csv, &ReadOptions::default())?;
+//! let fit = fit_scan(scan, "parabola", &FitOptions::default(), &mut |_: &adaptive::Iteration| std::ops::ControlFlow::Continue(()))?;
+//! assert!(fit.reached() && fit.report.result.max < 1e-3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod batch;
+mod error;
+mod fit;
+mod inspect;
+mod mesh;
+mod options;
+mod output;
+mod parameters;
+mod report;
+
+pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, run_batch};
+pub use error::Error;
+pub use fit::{Fit, fit_file, fit_scan};
+pub use inspect::{Comparison, Info, compare, convert, eval_model, info};
+pub use options::{
+    Domain, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParameterChoice, ParseOptionError, Tolerance,
+};
+pub use output::{OutputPaths, write_outputs, write_report, write_text};
+pub use report::{InputReport, IterationReport, Report, ResultReport, SecondsReport};
+
+pub use adaptive::{Iteration, Stop};
+pub use geom_io::LengthUnit;

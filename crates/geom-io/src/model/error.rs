@@ -147,7 +147,9 @@ pub enum ModelErrorKind {
         cell: Vec<u32>,
     },
     /// A box is empty, or does not lie in the grid of its level.
-    #[error("box {index} (counted from 0), {numbers:?}, is empty or does not lie in the grid {grid:?} of level {level}")]
+    #[error(
+        "box {index} (counted from 0), {numbers:?}, is empty or does not lie in the grid {grid:?} of level {level}"
+    )]
     Box {
         /// Index of the box.
         index: usize,
@@ -180,7 +182,9 @@ pub enum ModelErrorKind {
         limit: usize,
     },
     /// A patch, or the whole model, is as good as a point.
-    #[error("the image of the box from {lower:?} to {upper:?} is smaller than {tolerance:e}: no face or curve can be made")]
+    #[error(
+        "the image of the box from {lower:?} to {upper:?} is smaller than {tolerance:e}: no face or curve can be made"
+    )]
     Degenerate {
         /// Lower corner, in parameters.
         lower: Vec<f64>,

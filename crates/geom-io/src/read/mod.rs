@@ -41,6 +41,19 @@ impl Format {
     /// All formats.
     pub const ALL: [Self; 7] = [Self::Ply, Self::Obj, Self::Off, Self::Xyz, Self::Csv, Self::EsriGrid, Self::GismoXml];
 
+    /// The format's name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ply => "PLY",
+            Self::Obj => "OBJ",
+            Self::Off => "OFF",
+            Self::Xyz => "XYZ",
+            Self::Csv => "CSV",
+            Self::EsriGrid => "ESRI ASCII grid",
+            Self::GismoXml => "G+Smo XML",
+        }
+    }
+
     /// Extensions of the format's files, in lower case and without the dot.
     pub fn extensions(self) -> &'static [&'static str] {
         match self {

@@ -57,7 +57,8 @@ pub(super) fn boxes_of_mesh<const D: usize>(mesh: &HierarchicalMesh<D>) -> Vec<L
         boxes.sort_unstable_by_key(key);
         let mut joined: Vec<LevelBox<D>> = Vec::with_capacity(boxes.len());
         for next in boxes {
-            let same = |k: usize, a: &LevelBox<D>| k == d || (a.lower[k] == next.lower[k] && a.upper[k] == next.upper[k]);
+            let same =
+                |k: usize, a: &LevelBox<D>| k == d || (a.lower[k] == next.lower[k] && a.upper[k] == next.upper[k]);
             match joined.last_mut() {
                 Some(a) if a.level == next.level && a.upper[d] == next.lower[d] && (0..D).all(|k| same(k, a)) => {
                     a.upper[d] = next.upper[d];

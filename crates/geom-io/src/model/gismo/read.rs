@@ -44,11 +44,8 @@ fn read_map<const D: usize>(geometry: Node<'_, '_>, kind: Kind) -> Result<Spline
     let found = knots.len();
     knots.sort_by_key(|(index, _)| *index);
     let knots: Vec<KnotVector> = knots.into_iter().map(|(_, knots)| knots).collect();
-    let knots: [KnotVector; D] = knots.try_into().map_err(|_| ModelErrorKind::Count {
-        what: "knot vectors",
-        found,
-        expected: D.to_string(),
-    })?;
+    let knots: [KnotVector; D] =
+        knots.try_into().map_err(|_| ModelErrorKind::Count { what: "knot vectors", found, expected: D.to_string() })?;
     let parts = Parts { kind, knots, coefficients: read_coefficients(geometry)? };
     let boxes = read_boxes(basis, parts.grid(), |n_levels| parts.check_size(n_levels))?;
     let mut mesh = HierarchicalMesh::new(parts.grid())?;
@@ -81,7 +78,8 @@ fn read_boxes<const D: usize>(
     for (index, node) in basis.children().filter(|node| node.has_tag_name("box")).enumerate() {
         let level: usize = parse("attribute level", node.attribute("level").unwrap_or_default(), "a level, from 0")?;
         check_size(level.saturating_add(1))?;
-        let numbers: Vec<u32> = fields(node).map(|text| parse("box", text, "an index, from 0")).collect::<Result<_, _>>()?;
+        let numbers: Vec<u32> =
+            fields(node).map(|text| parse("box", text, "an index, from 0")).collect::<Result<_, _>>()?;
         if numbers.len() != 2 * D {
             let expected = (2 * D).to_string();
             return Err(ModelErrorKind::Count { what: "numbers of a box", found: numbers.len(), expected });
@@ -119,7 +117,10 @@ fn only_child<'a, 'b>(node: Node<'a, 'b>, element: &'static str) -> Result<Node<
 
 /// The blank-separated fields of an element's text, comments skipped.
 fn fields<'a>(node: Node<'a, '_>) -> impl Iterator<Item = &'a str> {
-    node.children().filter(|child| child.is_text()).filter_map(|child| child.text()).flat_map(str::split_ascii_whitespace)
+    node.children()
+        .filter(|child| child.is_text())
+        .filter_map(|child| child.text())
+        .flat_map(str::split_ascii_whitespace)
 }
 
 fn numbers(what: &'static str, node: Node<'_, '_>) -> Result<Vec<f64>, ModelErrorKind> {

@@ -1,0 +1,206 @@
+//! What is typed: arguments and their help.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+use reconstruct::{
+    Domain, Energy, FitOptions, LambdaChoice, LengthUnit, Mark, Method, Pair, ParameterChoice, Tolerance,
+};
+
+/// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
+///
+///     thb fit scan.ply -o part.step --report part.json
+///
+/// reads a mesh, lays it out on the unit square, fits a smooth surface adaptively until 95 % of the points are within
+/// 0.1 % of the bounding box diagonal, and writes a STEP file and a report. No option is needed.
+#[derive(Debug, Parser)]
+#[command(name = "thb", version, verbatim_doc_comment, after_help = EXIT_CODES)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// Log what happens to standard error; twice for details.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(crate) verbose: u8,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 input or numerical error; 2 wrong usage; 3 finished and written, but the \
+tolerance was not reached (the report says why). Of several inputs the worst counts: 1, then 3.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Fit a surface to a scan, or to many.
+    #[command(after_long_help = FIT_HELP)]
+    Fit(Box<FitArgs>),
+    /// Points of a model at parameters, as CSV on standard output.
+    Eval {
+        /// Model, .json or .xml.
+        model: PathBuf,
+        /// CSV with the columns u and v.
+        parameters: PathBuf,
+    },
+    /// Write a model in another format.
+    Convert {
+        /// Model, .json or .xml.
+        model: PathBuf,
+        /// Output: .step .stp .xml .json, or a sampled mesh .obj .ply .vtk.
+        #[arg(short, long)]
+        output: PathBuf,
+        /// Control points up to which a STEP file holds one face; beyond, it holds several.
+        #[arg(long, default_value_t = FitOptions::default().max_step_control_points)]
+        max_step_control_points: usize,
+        /// Turn the face normal.
+        #[arg(long)]
+        flip: bool,
+    },
+    /// Deviation of a cloud from a model, as JSON on standard output.
+    Compare {
+        /// Model, .json or .xml.
+        model: PathBuf,
+        /// Cloud or mesh; its points are compared.
+        cloud: PathBuf,
+        /// Distance that counts as within tolerance; % of the cloud's diagonal.
+        #[arg(long, default_value_t = FitOptions::default().tol)]
+        tol: Tolerance,
+    },
+    /// What a file holds, as JSON on standard output.
+    Info {
+        /// Model, cloud or mesh.
+        file: PathBuf,
+    },
+}
+
+const FIT_HELP: &str = "Examples:
+  thb fit face.off --tol 0.5% -o face.step --report face.json
+      the surface as STEP, and how good it is
+  thb fit face.off -o face.step -o face.json -o face.vtk
+      also the exact model, and a mesh coloured by deviation
+  thb fit scans/*.ply -o out/ --jobs 2 --summary out/summary.jsonl
+      many parts; out/ gets NAME.step, NAME.json and NAME.report.json of each
+  thb fit cloud.csv --param given --degree 2 --mesh 8x8 --lambda 1e-7 --tol 1e-4 --energy gauss-p --within 1
+      parameters u,v from the file, and the settings of a G+Smo fit
+
+Input: meshes .ply .obj .off; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
+(.csv with the columns i,j,x,y,z); height fields .asc.
+
+If the tolerance is not reached, the report says why: 'levels' (allow more with --levels), 'max-dofs' (--max-dofs),
+'stagnation' (noise, or parameters that do not suit the shape; try a larger --tol or another --param).";
+
+#[derive(Args, Debug)]
+pub(crate) struct FitArgs {
+    /// Scans to fit.
+    #[arg(required = true)]
+    pub(crate) inputs: Vec<PathBuf>,
+    /// Output, the format by extension (.step .stp .xml .json .obj .ply .vtk), or a directory; may be repeated.
+    #[arg(short, long = "output", value_name = "OUT", required = true)]
+    pub(crate) outputs: Vec<PathBuf>,
+    /// Report of a single input, as JSON.
+    #[arg(long, value_name = "R.json")]
+    pub(crate) report: Option<PathBuf>,
+    /// Summary of all inputs, one JSON object a line.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) summary: Option<PathBuf>,
+    /// Parts fitted at a time.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) jobs: u16,
+    /// Threads for the work within a part; 0 for one per core.
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+
+    /// Fitting method: ls (penalized least squares with fixed parameters).
+    #[arg(long, default_value_t = FitOptions::default().method, help_heading = "What is fitted")]
+    method: Method,
+    /// Parameters: auto, given, chord, centripetal, uniform, mean-value. auto takes those of the file, else maps the
+    /// mesh with mean-value weights, else goes by chord length along the grid.
+    #[arg(long, default_value_t = FitOptions::default().param, help_heading = "What is fitted")]
+    param: ParameterChoice,
+    /// Parameter domain: unit (parameters of the file must lie in [0,1]) or data (the box of the parameters; a fixed
+    /// --lambda then applies in their units).
+    #[arg(long, default_value_t = FitOptions::default().domain, help_heading = "What is fitted")]
+    domain: Domain,
+    /// Degree, for both directions or as U,V; 1 to 8.
+    #[arg(long, default_value_t = FitOptions::default().degree, help_heading = "What is fitted")]
+    degree: Pair,
+    /// Elements of the coarsest level, as 8 or 8x4.
+    #[arg(long, default_value_t = FitOptions::default().mesh, help_heading = "What is fitted")]
+    mesh: Pair,
+    /// Smoothing weight: auto (by error on held-out points) or a number. It multiplies the thin-plate energy G in
+    /// BᵀWB + λG.
+    #[arg(long, default_value_t = FitOptions::default().lambda, help_heading = "What is fitted")]
+    lambda: LambdaChoice,
+    /// Integration of the energy: exact, or gauss-p as in G+Smo.
+    #[arg(long, default_value_t = FitOptions::default().energy, help_heading = "What is fitted")]
+    energy: Energy,
+
+    /// Tolerance, a length in the units of the input or a percentage of the bounding box diagonal.
+    #[arg(long, default_value_t = FitOptions::default().tol, help_heading = "When it is good enough")]
+    tol: Tolerance,
+    /// Share of the points that must be within the tolerance; 1 for all.
+    #[arg(long, default_value_t = FitOptions::default().within, help_heading = "When it is good enough")]
+    within: f64,
+    /// Largest number of levels; level 0 counts.
+    #[arg(long, default_value_t = FitOptions::default().levels, help_heading = "When it is good enough")]
+    levels: usize,
+    /// Largest number of control points of the surface.
+    #[arg(long, default_value_t = FitOptions::default().max_dofs, help_heading = "When it is good enough")]
+    max_dofs: usize,
+
+    /// Cells to refine: threshold (those with a point beyond the tolerance) or share:S (those with the worst share S of
+    /// the points).
+    #[arg(long, default_value_t = FitOptions::default().mark, help_heading = "How it is refined")]
+    mark: Mark,
+    /// Cells of the next level by which a marked cell's region is extended, as 2 or 2,1: 2 is one ring of its own level.
+    #[arg(long, default_value_t = FitOptions::default().extension, help_heading = "How it is refined")]
+    extension: Pair,
+    /// Keep the mesh admissible of this class (2 or more): few levels meet on a cell. [default: not kept]
+    #[arg(long, help_heading = "How it is refined")]
+    admissible: Option<usize>,
+
+    /// Length unit of the coordinates: mm, m or inch.
+    #[arg(long, default_value = "mm", value_parser = unit, help_heading = "What is written")]
+    units: LengthUnit,
+    /// Turn the face normal. It follows the orientation of a mesh's triangles otherwise.
+    #[arg(long, help_heading = "What is written")]
+    flip: bool,
+    /// Control points up to which a STEP file holds one face; beyond, it holds several.
+    #[arg(long, default_value_t = FitOptions::default().max_step_control_points, help_heading = "What is written")]
+    max_step_control_points: usize,
+    /// Seed of random choices, kept in the report.
+    #[arg(long, default_value_t = FitOptions::default().seed, help_heading = "What is written")]
+    seed: u64,
+}
+
+impl FitArgs {
+    /// The options of the fit.
+    pub(crate) fn options(&self) -> FitOptions {
+        FitOptions {
+            method: self.method,
+            param: self.param,
+            degree: self.degree,
+            mesh: self.mesh,
+            lambda: self.lambda,
+            tol: self.tol,
+            within: self.within,
+            levels: self.levels,
+            max_dofs: self.max_dofs,
+            max_step_control_points: self.max_step_control_points,
+            mark: self.mark,
+            extension: self.extension,
+            admissible: self.admissible,
+            energy: self.energy,
+            domain: self.domain,
+            units: self.units,
+            flip: self.flip,
+            seed: self.seed,
+            threads: self.threads,
+        }
+    }
+}
+
+fn unit(text: &str) -> Result<LengthUnit, String> {
+    match text {
+        "mm" => Ok(LengthUnit::Millimetre),
+        "m" => Ok(LengthUnit::Metre),
+        "inch" => Ok(LengthUnit::Inch),
+        _ => Err("mm, m or inch".to_owned()),
+    }
+}

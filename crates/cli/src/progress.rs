@@ -1,0 +1,67 @@
+//! Progress on a terminal; silence when piped.
+
+use std::io::{IsTerminal, stderr};
+use std::path::Path;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use reconstruct::{BatchEvent, PartOutcome, PartResult};
+
+/// Shows how far a batch is.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    within: f64,
+}
+
+impl Progress {
+    pub(crate) fn new(parts: usize, within: f64) -> Self {
+        let target = if stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(parts as u64), target);
+        let template = if parts > 1 { "{spinner} {bar:20} {pos}/{len} {msg}" } else { "{spinner} {elapsed} {msg}" };
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self { bar, within }
+    }
+
+    pub(crate) fn show(&self, event: BatchEvent<'_>) {
+        match event {
+            BatchEvent::Iteration { input, record } => self.bar.set_message(format!(
+                "{}: iteration {}, {} control points, max {:.3e}, {:.1} of {:.1} % within tolerance",
+                name(input),
+                record.iteration,
+                record.dofs,
+                record.deviation.max,
+                100.0 * record.deviation.within,
+                100.0 * self.within,
+            )),
+            BatchEvent::Done(result) => {
+                self.bar.println(line(result));
+                self.bar.inc(1);
+            }
+        }
+    }
+
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn name(input: &Path) -> String {
+    input.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn line(result: &PartResult) -> String {
+    let name = name(&result.input);
+    match &result.outcome {
+        PartOutcome::Fitted { reached, stop, dofs, max, within, tolerance, seconds, .. } => {
+            let verdict = if *reached { "done".to_owned() } else { format!("tolerance not reached ({stop})") };
+            format!(
+                "{name}: {verdict}, {dofs} control points, {:.1} % within {tolerance:.4e}, max {max:.4e}, {seconds:.2} s",
+                100.0 * within
+            )
+        }
+        PartOutcome::Failed { .. } => format!("{name}: failed"),
+    }
+}

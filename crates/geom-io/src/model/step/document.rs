@@ -1,0 +1,81 @@
+//! What a STEP file needs besides geometry: header, product, units.
+
+use std::io;
+
+use super::StepOptions;
+use super::part21::{Id, Part21, list, real, string};
+use crate::model::LengthUnit;
+
+/// The automotive design schema, AP214.
+const SCHEMA: &str = "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }";
+
+/// Millimetres of an inch, by definition.
+const MILLIMETRES_PER_INCH: f64 = 25.4;
+
+pub(super) fn begin(file: &mut Part21<'_>, options: &StepOptions) -> io::Result<()> {
+    let software = concat!("geom-io ", env!("CARGO_PKG_VERSION"));
+    file.line("ISO-10303-21;\nHEADER;")?;
+    file.line("FILE_DESCRIPTION(('exact B-spline form of a hierarchical spline model'),'2;1');")?;
+    file.line(&format!(
+        "FILE_NAME({},{},({}),({}),{},{},'');",
+        string(&options.file_name),
+        string(&options.time_stamp),
+        string(&options.author),
+        string(&options.organization),
+        string(software),
+        string(software),
+    ))?;
+    file.line(&format!("FILE_SCHEMA(({}));\nENDSEC;\nDATA;", string(SCHEMA)))
+}
+
+pub(super) fn end(file: &mut Part21<'_>) -> io::Result<()> {
+    file.line("ENDSEC;\nEND-ISO-10303-21;")
+}
+
+/// The part, up to the definition of its shape.
+pub(super) fn product(file: &mut Part21<'_>, name: &str) -> io::Result<Id> {
+    let name = string(name);
+    let application =
+        file.entity(format_args!("APPLICATION_CONTEXT('core data for automotive mechanical design processes')"))?;
+    file.entity(format_args!(
+        "APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000,{application})"
+    ))?;
+    let context = file.entity(format_args!("PRODUCT_CONTEXT('',{application},'mechanical')"))?;
+    let product = file.entity(format_args!("PRODUCT({name},{name},'',({context}))"))?;
+    file.entity(format_args!("PRODUCT_RELATED_PRODUCT_CATEGORY('part',$,({product}))"))?;
+    let formation = file.entity(format_args!("PRODUCT_DEFINITION_FORMATION('','',{product})"))?;
+    let design = file.entity(format_args!("PRODUCT_DEFINITION_CONTEXT('part definition',{application},'design')"))?;
+    let definition = file.entity(format_args!("PRODUCT_DEFINITION('design','',{formation},{design})"))?;
+    file.entity(format_args!("PRODUCT_DEFINITION_SHAPE('','',{definition})"))
+}
+
+/// The context of the geometry: dimension, units, and the distance below which points are the same.
+pub(super) fn context(file: &mut Part21<'_>, unit: LengthUnit, uncertainty: f64) -> io::Result<Id> {
+    let length = match unit {
+        LengthUnit::Metre => file.entity(format_args!("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT($,.METRE.))"))?,
+        LengthUnit::Millimetre => millimetre(file)?,
+        LengthUnit::Inch => {
+            let millimetre = millimetre(file)?;
+            let size = real(MILLIMETRES_PER_INCH);
+            let dimensions = file.entity(format_args!("DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.)"))?;
+            let factor = file.entity(format_args!("LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({size}),{millimetre})"))?;
+            file.entity(format_args!("(CONVERSION_BASED_UNIT('INCH',{factor})LENGTH_UNIT()NAMED_UNIT({dimensions}))"))?
+        }
+    };
+    let angle = file.entity(format_args!("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))"))?;
+    let solid = file.entity(format_args!("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())"))?;
+    let uncertainty = file.entity(format_args!(
+        "UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE({}),{length},'distance_accuracy_value','confusion accuracy')",
+        real(uncertainty)
+    ))?;
+    file.entity(format_args!(
+        "(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT({})\
+         GLOBAL_UNIT_ASSIGNED_CONTEXT({})REPRESENTATION_CONTEXT('','3D'))",
+        list([uncertainty]),
+        list([length, angle, solid])
+    ))
+}
+
+fn millimetre(file: &mut Part21<'_>) -> io::Result<Id> {
+    file.entity(format_args!("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.))"))
+}

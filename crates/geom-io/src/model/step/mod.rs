@@ -1,0 +1,258 @@
+//! STEP, ISO 10303-214 (AP214), which every CAD system opens.
+//!
+//! STEP knows no hierarchical splines. A surface becomes
+//! - one `B_SPLINE_SURFACE_WITH_KNOTS` on one face, if the smallest tensor-product space that holds it has at most
+//!   [`StepOptions::max_control_points`] functions; else
+//! - a shell of such faces, one for each box of a partition of the domain along cell boundaries. Neighbours share edges
+//!   and vertices also where a long side meets several short ones, so that the shell is connected as it stands.
+//!
+//! Both are exact: knot insertion and nothing else. Each face keeps the parameters of the model. A curve becomes a
+//! `B_SPLINE_CURVE_WITH_KNOTS` in a `GEOMETRIC_CURVE_SET`.
+//!
+//! Sides that collapse to a point get no edge, and their ends are one vertex. Opposite sides that coincide, as on a tube,
+//! stay two edges: the shell is open there. Knots of multiplicity above the degree, along which the map may jump, are
+//! refused.
+
+mod document;
+mod part21;
+mod partition;
+mod shell;
+
+use std::io::{self, Write};
+
+use ndarray::ArrayView2;
+use thb_core::{CellSpace, HierarchicalSpace, SplineMap, TensorSpace};
+
+use super::{Geometry, LengthUnit, Model, ModelErrorKind};
+use part21::{Id, Part21, list, reals};
+use shell::{Edge, Face, Shell, in_space};
+
+/// Distance below which CAD may take points for the same, as a share of the diagonal of the control points' box. The
+/// rounding of positions is 10⁶ times smaller; the shortest edges, down to a thousandth of the finest cells' size of a
+/// model with 10⁵ of them across, are longer.
+const UNCERTAINTY_SHARE: f64 = 1e-9;
+
+/// How a model is written to STEP.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepOptions {
+    /// Largest number of control points of one face, 20 000 unless told. CAD systems open such faces at once, and
+    /// larger ones slowly; smaller values give more faces.
+    pub max_control_points: usize,
+    /// Turns the normal of all faces round: it is ∂u × ∂v otherwise.
+    pub flip: bool,
+    /// Name of the file, for its header.
+    pub file_name: String,
+    /// Name of the part.
+    pub product: String,
+    /// Author, for the header.
+    pub author: String,
+    /// Organization, for the header.
+    pub organization: String,
+    /// Time of writing, ISO 8601 such as `2025-03-01T12:00:00`; the start of 1970 unless told, so that equal models give
+    /// equal files.
+    pub time_stamp: String,
+}
+
+impl Default for StepOptions {
+    fn default() -> Self {
+        Self {
+            max_control_points: 20_000,
+            flip: false,
+            file_name: String::new(),
+            product: "surface".to_owned(),
+            author: String::new(),
+            organization: String::new(),
+            time_stamp: "1970-01-01T00:00:00".to_owned(),
+        }
+    }
+}
+
+/// A model in the form that goes to a STEP file: everything that can be wrong with it is found when it is made.
+pub struct StepFile {
+    shape: Shape,
+    unit: LengthUnit,
+    uncertainty: f64,
+    options: StepOptions,
+}
+
+enum Shape {
+    Shell(Shell),
+    Curve(SplineMap<1, TensorSpace<1>>),
+}
+
+impl StepFile {
+    /// Brings a model into tensor-product form.
+    ///
+    /// # Errors
+    /// [`ModelErrorKind::PointDimension`], [`ModelErrorKind::Discontinuous`], [`ModelErrorKind::Degenerate`].
+    pub fn new(model: &Model, options: &StepOptions) -> Result<Self, ModelErrorKind> {
+        let (shape, uncertainty) = match &model.geometry {
+            Geometry::Surface(map) => {
+                let tolerance = checked_tolerance(map)?;
+                (Shape::Shell(Shell::new(map, options.max_control_points, tolerance)?), tolerance)
+            }
+            Geometry::Curve(map) => (Shape::Curve(map.tensor_product()?), checked_tolerance(map)?),
+        };
+        Ok(Self { shape, unit: model.unit, uncertainty, options: options.clone() })
+    }
+
+    /// Number of faces; 0 for a curve.
+    pub fn n_faces(&self) -> usize {
+        match &self.shape {
+            Shape::Shell(shell) => shell.faces.len(),
+            Shape::Curve(_) => 0,
+        }
+    }
+
+    /// Number of control points of all faces, or of the curve.
+    pub fn n_control_points(&self) -> usize {
+        match &self.shape {
+            Shape::Shell(shell) => shell.faces.iter().map(|face| face.surface.space().n_functions()).sum(),
+            Shape::Curve(curve) => curve.space().n_functions(),
+        }
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// What `out` says.
+    pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        let file = &mut Part21::new(out);
+        document::begin(file, &self.options)?;
+        let definition = document::product(file, &self.options.product)?;
+        let context = document::context(file, self.unit, self.uncertainty)?;
+        let (kind, item) = match &self.shape {
+            Shape::Shell(shell) => ("MANIFOLD_SURFACE", write_shell(file, shell, self.options.flip)?),
+            Shape::Curve(map) => {
+                let knots = map.space().knots(0);
+                let points: Vec<[f64; 3]> = map.coefficients().outer_iter().map(in_space).collect();
+                let curve = write_curve(file, knots.degree(), knots.knots(), &points)?;
+                ("GEOMETRICALLY_BOUNDED_WIREFRAME", file.entity(format_args!("GEOMETRIC_CURVE_SET('',({curve}))"))?)
+            }
+        };
+        let shape = file.entity(format_args!("{kind}_SHAPE_REPRESENTATION('',({item}),{context})"))?;
+        file.entity(format_args!("SHAPE_DEFINITION_REPRESENTATION({definition},{shape})"))?;
+        document::end(file)
+    }
+}
+
+/// Refuses what STEP cannot hold, and returns the distance below which points are the same.
+fn checked_tolerance<const D: usize>(map: &SplineMap<D>) -> Result<f64, ModelErrorKind> {
+    if !(2..=3).contains(&map.dim()) {
+        return Err(ModelErrorKind::PointDimension { given: map.dim() });
+    }
+    let space: &HierarchicalSpace<D> = map.space();
+    for direction in 0..D {
+        let (knots, degree) = (space.knots(0, direction)?, space.degree()[direction]);
+        let inner = &knots.breaks()[1..knots.n_spans()];
+        let count = |value: f64| knots.knots().iter().filter(|&&k| k == value).count();
+        if let Some(&value) = inner.iter().find(|&&value| count(value) > degree) {
+            return Err(ModelErrorKind::Discontinuous { direction, value, given: count(value), limit: degree });
+        }
+    }
+    let (lower, upper) = space.domain();
+    let tolerance = UNCERTAINTY_SHARE * diagonal(map.coefficients());
+    if tolerance > 0.0 && tolerance.is_finite() {
+        return Ok(tolerance);
+    }
+    Err(ModelErrorKind::Degenerate { lower: lower.to_vec(), upper: upper.to_vec(), tolerance })
+}
+
+/// Diagonal of the box around points.
+fn diagonal(points: ArrayView2<'_, f64>) -> f64 {
+    let extent = |column: ndarray::ArrayView1<'_, f64>| {
+        column.fold(f64::NEG_INFINITY, |a, &b| a.max(b)) - column.fold(f64::INFINITY, |a, &b| a.min(b))
+    };
+    points.columns().into_iter().map(|column| extent(column).powi(2)).sum::<f64>().sqrt()
+}
+
+fn write_shell(file: &mut Part21<'_>, shell: &Shell, flip: bool) -> io::Result<Id> {
+    let mut used = vec![false; shell.edges.len()];
+    shell.faces.iter().flat_map(|face| &face.boundary).for_each(|(edge, _)| used[*edge] = true);
+    let mut vertices: Vec<Option<Id>> = vec![None; shell.vertices.len()];
+    let mut edges: Vec<Option<Id>> = vec![None; shell.edges.len()];
+    for (number, edge) in shell.edges.iter().enumerate().filter(|(number, _)| used[*number]) {
+        let mut ends = Vec::with_capacity(2);
+        for vertex in edge.vertices {
+            ends.push(match vertices[vertex] {
+                Some(written) => written,
+                None => *vertices[vertex].insert(write_vertex(file, &shell.vertices[vertex])?),
+            });
+        }
+        edges[number] = Some(write_edge(file, edge, &ends)?);
+    }
+    let mut faces = Vec::with_capacity(shell.faces.len());
+    for face in &shell.faces {
+        faces.push(write_face(file, face, &edges, flip)?);
+    }
+    let shell = file.entity(format_args!("OPEN_SHELL('',{})", list(faces)))?;
+    file.entity(format_args!("SHELL_BASED_SURFACE_MODEL('',({shell}))"))
+}
+
+fn write_vertex(file: &mut Part21<'_>, point: &[f64; 3]) -> io::Result<Id> {
+    let point = file.point(point)?;
+    file.entity(format_args!("VERTEX_POINT('',{point})"))
+}
+
+fn write_edge(file: &mut Part21<'_>, edge: &Edge, ends: &[Id]) -> io::Result<Id> {
+    let curve = write_curve(file, edge.degree, &edge.knots, &edge.points)?;
+    file.entity(format_args!("EDGE_CURVE('',{},{},{curve},.T.)", ends[0], ends[1]))
+}
+
+fn write_face(file: &mut Part21<'_>, face: &Face, edges: &[Option<Id>], flip: bool) -> io::Result<Id> {
+    let surface = write_surface(file, &face.surface)?;
+    let mut oriented = Vec::with_capacity(face.boundary.len());
+    for &(edge, forward) in &face.boundary {
+        if let Some(edge) = edges[edge] {
+            let forward = logical(forward != flip);
+            oriented.push(file.entity(format_args!("ORIENTED_EDGE('',*,*,{edge},{forward})"))?);
+        }
+    }
+    // A loop runs counter-clockwise about the normal of its face, so it turns round with the normal.
+    if flip {
+        oriented.reverse();
+    }
+    let boundary = file.entity(format_args!("EDGE_LOOP('',{})", list(oriented)))?;
+    let bound = file.entity(format_args!("FACE_OUTER_BOUND('',{boundary},.T.)"))?;
+    file.entity(format_args!("ADVANCED_FACE('',({bound}),{surface},{})", logical(!flip)))
+}
+
+fn logical(value: bool) -> &'static str {
+    if value { ".T." } else { ".F." }
+}
+
+fn write_points(file: &mut Part21<'_>, points: impl Iterator<Item = [f64; 3]>) -> io::Result<Vec<Id>> {
+    points.map(|point| file.point(&point)).collect()
+}
+
+fn write_curve(file: &mut Part21<'_>, degree: usize, knots: &[f64], points: &[[f64; 3]]) -> io::Result<Id> {
+    let points = list(write_points(file, points.iter().copied())?);
+    let (values, multiplicities) = with_multiplicities(knots);
+    file.entity(format_args!(
+        "B_SPLINE_CURVE_WITH_KNOTS('',{degree},{points},.UNSPECIFIED.,.F.,.U.,{multiplicities},{values},.UNSPECIFIED.)"
+    ))
+}
+
+fn write_surface(file: &mut Part21<'_>, map: &SplineMap<2, TensorSpace<2>>) -> io::Result<Id> {
+    let [u, v] = [map.space().knots(0), map.space().knots(1)];
+    let points = write_points(file, map.coefficients().outer_iter().map(in_space))?;
+    // STEP lists rows of constant u; our coefficients run along u first.
+    let rows = (0..u.n_functions()).map(|i| list(points.iter().skip(i).step_by(u.n_functions())));
+    let rows: Vec<String> = rows.collect();
+    let points = format!("({})", rows.join(",\n"));
+    let ((u_values, u_multiplicities), (v_values, v_multiplicities)) =
+        (with_multiplicities(u.knots()), with_multiplicities(v.knots()));
+    file.entity(format_args!(
+        "B_SPLINE_SURFACE_WITH_KNOTS('',{},{},{points},.UNSPECIFIED.,.F.,.F.,.U.,\
+         {u_multiplicities},{v_multiplicities},{u_values},{v_values},.UNSPECIFIED.)",
+        u.degree(),
+        v.degree()
+    ))
+}
+
+/// Different knots, and how often each occurs, as lists.
+fn with_multiplicities(knots: &[f64]) -> (String, String) {
+    let groups: Vec<&[f64]> = knots.chunk_by(|a, b| a == b).collect();
+    let values: Vec<f64> = groups.iter().map(|group| group[0]).collect();
+    (reals(&values), list(groups.iter().map(|group| group.len())))
+}

@@ -1,0 +1,80 @@
+//! Writes models and points on them for the scripts in `tests/peers`, which open them with other software.
+//!
+//! The files go to the folder that Cargo keeps for tests, `target/tmp/peers`.
+
+mod model_common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use geom_io::model::{Geometry, LengthUnit, Model, StepOptions, WriteOptions, read_model, write_model};
+use model_common::{curve, dome, sheet, spots};
+use thb_core::{CellSpace, Kind, SplineMap};
+
+/// Sites per direction, cell boundaries among them.
+const SITES: usize = 41;
+
+fn folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("peers");
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn site(i: usize) -> f64 {
+    i as f64 / (SITES - 1) as f64
+}
+
+fn write_points<const D: usize>(path: &Path, map: &SplineMap<D>) {
+    let names = ["u", "v"];
+    let mut text = format!("{},x,y,z\n", names[..D].join(","));
+    for i in 0..SITES.pow(D as u32) {
+        let u: [f64; D] = std::array::from_fn(|d| site(i / SITES.pow(d as u32) % SITES));
+        let numbers: Vec<String> = u.iter().chain(&map.eval(u).unwrap()).map(|x| format!("{x:?}")).collect();
+        text += &numbers.join(",");
+        text += "\n";
+    }
+    fs::write(path, text).unwrap();
+}
+
+fn step(max_control_points: usize, flip: bool) -> WriteOptions {
+    WriteOptions { step: StepOptions { max_control_points, flip, ..StepOptions::default() } }
+}
+
+#[test]
+fn surfaces() {
+    let cases = [
+        ("biquadratic", sheet(Kind::Thb, [2, 2], [6, 4], 5), LengthUnit::Millimetre, 400),
+        ("bicubic", sheet(Kind::Thb, [3, 3], [5, 7], 5), LengthUnit::Inch, 400),
+        ("mixed", sheet(Kind::Thb, [2, 3], [8, 3], 4), LengthUnit::Metre, 400),
+        ("hierarchical", sheet(Kind::Hb, [3, 2], [4, 4], 3), LengthUnit::Millimetre, 400),
+        ("spots", spots([2, 2], [12, 8], 7), LengthUnit::Millimetre, 400),
+        ("dome", dome(5), LengthUnit::Millimetre, 150),
+    ];
+    for (name, map, unit, limit) in cases {
+        write_points(&folder().join(format!("{name}.csv")), &map);
+        let model = Model::surface(map.clone(), unit);
+        for suffix in [".xml", ".json"] {
+            let path = folder().join(format!("{name}{suffix}"));
+            write_model(&path, &model, &WriteOptions::default()).unwrap();
+            let Geometry::Surface(back) = read_model(&path).unwrap().geometry else { panic!("{path:?}: no surface") };
+            assert_eq!(back.coefficients(), map.coefficients());
+            assert_eq!(back.eval([0.3, 0.41]).unwrap(), map.eval([0.3, 0.41]).unwrap());
+        }
+        write_model(&folder().join(format!("{name}_one.step")), &model, &step(usize::MAX, false)).unwrap();
+        write_model(&folder().join(format!("{name}_many.stp")), &model, &step(limit, true)).unwrap();
+    }
+}
+
+#[test]
+fn curves() {
+    let map = curve(3);
+    write_points(&folder().join("curve.csv"), &map);
+    let n = map.space().n_functions();
+    let model = Model::curve(map, LengthUnit::Metre);
+    for suffix in [".xml", ".step"] {
+        write_model(&folder().join(format!("curve{suffix}")), &model, &WriteOptions::default()).unwrap();
+    }
+    let back = read_model(&folder().join("curve.xml")).unwrap();
+    let Geometry::Curve(back) = back.geometry else { panic!("no curve") };
+    assert_eq!(back.space().n_functions(), n);
+}

@@ -1,0 +1,182 @@
+//! Many parts: one after the other or several at a time; one that fails never stops the others.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use adaptive::Iteration;
+use serde::Serialize;
+
+use crate::output::is_directory;
+use crate::{Error, FitOptions, OutputPaths, fit_file, write_outputs};
+
+/// Where the results of a batch go, and how many parts are fitted at a time.
+#[derive(Clone, Debug, Default)]
+pub struct BatchOptions {
+    /// Outputs; a single directory for several inputs.
+    pub outputs: Vec<PathBuf>,
+    /// The report of a single input.
+    pub report: Option<PathBuf>,
+    /// Parts fitted at a time; at least one.
+    pub jobs: usize,
+}
+
+/// What happens to a part.
+#[derive(Clone, Copy, Debug)]
+pub enum BatchEvent<'a> {
+    /// An iteration of a part's loop.
+    Iteration {
+        /// The input.
+        input: &'a Path,
+        /// The record.
+        record: &'a Iteration,
+    },
+    /// A part is done with.
+    Done(&'a PartResult),
+}
+
+/// What became of a part.
+#[derive(Clone, Debug, Serialize)]
+pub struct PartResult {
+    /// The input file.
+    pub input: PathBuf,
+    /// Files written.
+    pub outputs: Vec<PathBuf>,
+    /// What became of it.
+    #[serde(flatten)]
+    pub outcome: PartOutcome,
+}
+
+/// What became of a part.
+#[derive(Clone, Debug, Serialize)]
+#[serde(tag = "status", rename_all = "kebab-case")]
+pub enum PartOutcome {
+    /// Fitted and written; `stop` says whether the tolerance was reached.
+    Fitted {
+        /// Whether the tolerance was reached.
+        reached: bool,
+        /// Why the loop ended.
+        stop: &'static str,
+        /// Control points.
+        dofs: usize,
+        /// Levels.
+        levels: usize,
+        /// Largest distance.
+        max: f64,
+        /// Root of the mean squared distance.
+        rmse: f64,
+        /// Share of points within the tolerance.
+        within: f64,
+        /// The tolerance.
+        tolerance: f64,
+        /// Seconds.
+        seconds: f64,
+        /// What the user should know.
+        warnings: Vec<String>,
+    },
+    /// Failed; nothing was written, or only what the error does not concern.
+    Failed {
+        /// The error.
+        error: String,
+    },
+}
+
+/// Fits every input and writes its outputs. The results stand in the order of the inputs.
+///
+/// # Errors
+/// [`Error::NeedsDirectory`], [`Error::SameName`], [`Error::OutputFormat`] before anything is read. Errors of a part
+/// are part of its result.
+pub fn run_batch(
+    inputs: &[PathBuf],
+    options: &FitOptions,
+    batch: &BatchOptions,
+    on_event: &(dyn Fn(BatchEvent<'_>) + Sync),
+) -> Result<Vec<PartResult>, Error> {
+    options.check()?;
+    check_outputs(inputs, batch)?;
+    let outputs: Vec<OutputPaths> = inputs
+        .iter()
+        .map(|input| OutputPaths::of(input, &batch.outputs, batch.report.as_deref()))
+        .collect::<Result<_, _>>()?;
+    let results: Mutex<Vec<Option<PartResult>>> = Mutex::new(vec![None; inputs.len()]);
+    let work = |i: usize| {
+        let result = fit_part(&inputs[i], &outputs[i], options, on_event);
+        on_event(BatchEvent::Done(&result));
+        if let Ok(mut results) = results.lock() {
+            results[i] = Some(result);
+        }
+    };
+    // Each job takes the next part that nobody has taken.
+    let next = AtomicUsize::new(0);
+    let job = || {
+        while let Some(i) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&i| i < inputs.len()) {
+            work(i);
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..batch.jobs.min(inputs.len()) {
+            scope.spawn(job);
+        }
+        job();
+    });
+    Ok(results.into_inner().unwrap_or_default().into_iter().flatten().collect())
+}
+
+fn fit_part(
+    input: &Path,
+    outputs: &OutputPaths,
+    options: &FitOptions,
+    on_event: &(dyn Fn(BatchEvent<'_>) + Sync),
+) -> PartResult {
+    let mut observer = |record: &Iteration| {
+        on_event(BatchEvent::Iteration { input, record });
+        ControlFlow::Continue(())
+    };
+    let fitted = fit_file(input, options, &mut observer).and_then(|fit| {
+        write_outputs(&fit, outputs)?;
+        Ok(fit.report)
+    });
+    match fitted {
+        Ok(report) => PartResult {
+            input: input.to_owned(),
+            outputs: outputs.files.iter().chain(&outputs.report).cloned().collect(),
+            outcome: PartOutcome::Fitted {
+                reached: report.result.reached,
+                stop: report.result.stop,
+                dofs: report.result.dofs,
+                levels: report.result.levels,
+                max: report.result.max,
+                rmse: report.result.rmse,
+                within: report.result.within,
+                tolerance: report.result.tolerance,
+                seconds: report.result.seconds,
+                warnings: report.warnings,
+            },
+        },
+        Err(error) => {
+            tracing::error!(input = %input.display(), %error, "failed");
+            let outcome = PartOutcome::Failed { error: error.to_string() };
+            PartResult { input: input.to_owned(), outputs: Vec::new(), outcome }
+        }
+    }
+}
+
+fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> {
+    if inputs.len() < 2 {
+        return Ok(());
+    }
+    let files = batch.outputs.iter().filter(|output| !is_directory(output)).chain(&batch.report);
+    if let Some(path) = files.into_iter().next() {
+        return Err(Error::NeedsDirectory { path: path.clone(), count: inputs.len() });
+    }
+    let mut seen: BTreeMap<String, &PathBuf> = BTreeMap::new();
+    for input in inputs {
+        let name = input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if let Some(first) = seen.insert(name.clone(), input) {
+            return Err(Error::SameName { first: first.clone(), second: input.clone(), name });
+        }
+    }
+    Ok(())
+}

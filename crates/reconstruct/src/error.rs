@@ -1,0 +1,117 @@
+//! What can go wrong between a file and its surface.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// Errors of this crate.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A cloud or mesh could not be read.
+    #[error(transparent)]
+    Read(#[from] geom_io::ReadError),
+    /// A mesh or report could not be written.
+    #[error(transparent)]
+    Write(#[from] geom_io::WriteError),
+    /// A model could not be read or written.
+    #[error(transparent)]
+    Model(#[from] geom_io::ModelError),
+    /// The points cannot be fitted, or the mesh is no disk.
+    #[error(transparent)]
+    Cloud(#[from] point_cloud::CloudError),
+    /// No parameters could be found.
+    #[error(transparent)]
+    Parameterization(#[from] param_classic::ParamError),
+    /// The fit failed.
+    #[error(transparent)]
+    Fit(#[from] fit_ls::Error),
+    /// The spline space is not possible.
+    #[error(transparent)]
+    Space(#[from] thb_core::Error),
+    /// Points of a surface have three coordinates.
+    #[error("points have {given} coordinates; a surface needs x, y and z")]
+    Coordinates {
+        /// Number of coordinates found.
+        given: usize,
+    },
+    /// Parameters were asked for in a way that the input does not allow.
+    #[error("--param {asked} needs {needed}, which the input does not have{hint}")]
+    NoParameters {
+        /// The parameterization asked for.
+        asked: String,
+        /// What it needs.
+        needed: &'static str,
+        /// What could be done.
+        hint: &'static str,
+    },
+    /// Parameters of the file lie outside the unit square.
+    #[error(
+        "parameter {value} (direction {direction} of point {index}) lies outside [0, 1]; use --domain data to fit on the \
+         box of the parameters, in which case a fixed --lambda applies in their units"
+    )]
+    OutsideUnitSquare {
+        /// Index of the point, from 0.
+        index: usize,
+        /// 0 for u, 1 for v.
+        direction: usize,
+        /// The parameter.
+        value: f64,
+    },
+    /// The parameters of a direction are all equal.
+    #[error("all parameters of direction {direction} are {value}: the points lie on a line of the parameter domain")]
+    FlatDomain {
+        /// 0 for u, 1 for v.
+        direction: usize,
+        /// Their value.
+        value: f64,
+    },
+    /// An option is out of its range.
+    #[error("{option} = {given} is out of range: {allowed}")]
+    OptionRange {
+        /// Name of the option.
+        option: &'static str,
+        /// The value given.
+        given: String,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// The name of an output file tells no format.
+    #[error("{}: the extension names no output format; possible are .step .stp .xml .json .obj .ply .vtk, or a directory", path.display())]
+    OutputFormat {
+        /// The output.
+        path: PathBuf,
+    },
+    /// Several inputs need a directory to go to.
+    #[error("{count} inputs cannot go to the single file {}; name a directory", path.display())]
+    NeedsDirectory {
+        /// The output.
+        path: PathBuf,
+        /// Number of inputs.
+        count: usize,
+    },
+    /// Two inputs of a batch would write the same files.
+    #[error("{} and {} would both be written as {name:?} in the output directory", first.display(), second.display())]
+    SameName {
+        /// One input.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+        /// The name.
+        name: String,
+    },
+    /// The operating system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or directory.
+        path: PathBuf,
+        /// What it said.
+        source: std::io::Error,
+    },
+    /// An operation is for surfaces, but the model is a curve.
+    #[error("{}: the model is a curve; this needs a surface", path.display())]
+    NotASurface {
+        /// The model's file.
+        path: PathBuf,
+    },
+}

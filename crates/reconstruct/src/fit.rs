@@ -1,0 +1,165 @@
+//! The pipeline: read, parameterize, fit, report.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use adaptive::{Observer, Outcome, Stop, run};
+use fit_ls::{LeastSquares, directed_hausdorff};
+use geom_io::{Model, ReadOptions, Scan, read_scan};
+use ndarray::{Array1, Array2};
+use point_cloud::BoundingBox;
+use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
+
+use crate::parameters::{Parameterized, parameterize};
+use crate::report::{InputReport, Report, ResultReport, history, sides};
+use crate::{Domain, Error, FitOptions};
+
+/// A fitted surface with its report and its data.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The surface.
+    pub model: Model,
+    /// How good it is.
+    pub report: Report,
+    /// Points that were fitted, `(m, 3)`.
+    pub points: Array2<f64>,
+    /// Their parameters, `(m, 2)`.
+    pub parameters: Array2<f64>,
+    /// Their distances to the surface at their parameters.
+    pub errors: Array1<f64>,
+    /// Whether the face normal is opposite to `S_u × S_v`.
+    pub reversed: bool,
+    stop: Stop,
+}
+
+impl Fit {
+    /// Whether the asked share of points is within the tolerance.
+    pub fn reached(&self) -> bool {
+        self.stop == Stop::ToleranceReached
+    }
+
+    /// The surface.
+    pub fn surface(&self) -> &SplineMap<2> {
+        match &self.model.geometry {
+            geom_io::Geometry::Surface(map) => map,
+            geom_io::Geometry::Curve(_) => unreachable!("a fit makes a surface"),
+        }
+    }
+}
+
+/// Reads a file and fits it.
+///
+/// # Errors
+/// [`Error`].
+pub fn fit_file(path: &Path, options: &FitOptions, observer: &mut dyn Observer) -> Result<Fit, Error> {
+    let scan = read_scan(path, &ReadOptions::default())?;
+    fit_scan(scan, &path.display().to_string(), options, observer)
+}
+
+/// Fits what a file held; `name` stands in the report.
+///
+/// # Errors
+/// [`Error`]. A tolerance that is not reached is no error: the report says why the loop ended.
+pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn Observer) -> Result<Fit, Error> {
+    let start = Instant::now();
+    options.check()?;
+    let span = tracing::info_span!("fit", name);
+    let _guard = span.enter();
+    let format = scan.format;
+    let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
+    let Parameterized { points, parameters, name: parameterization, corners, reversed, mut warnings } =
+        parameterize(scan, options)?;
+    let diagonal = BoundingBox::of(points.view())?.diagonal();
+    let tolerance = options.tol.resolve(diagonal);
+    tracing::info!(points = points.nrows(), parameterization, tolerance, "parameterized");
+
+    let fitting = fit_ls::Options {
+        lambda: options.lambda.0,
+        quadrature: options.energy.quadrature(),
+        ..fit_ls::Options::default()
+    };
+    let mut method = LeastSquares::new(parameters.view(), points.view(), None, fitting)?;
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, level_zero_knots(&parameters, options)?)?);
+    let outcome = run(&mut method, space, &loop_options(options, tolerance), observer)?;
+    let Outcome { map, stop, failure, history: iterations, .. } = outcome;
+    if let Some(failure) = failure {
+        warnings.push(format!("the last refinement could not be solved: {failure}"));
+    }
+    // Sorted by cell; back to the order of the points.
+    let sorted = method.distances(&map)?.to_vec();
+    let mut errors = Array1::zeros(points.nrows());
+    method.points().order().iter().zip(sorted).for_each(|(&i, e)| errors[i as usize] = e);
+
+    let dhd = directed_hausdorff(&map, parameters.view(), points.view())?;
+    let last = iterations[iterations.len() - 1];
+    let deviation = last.deviation;
+    let report = Report {
+        schema: 1,
+        input: InputReport {
+            file: name.to_owned(),
+            format: format.name(),
+            points: read_points,
+            triangles: read_triangles,
+            fitted_points: points.nrows(),
+            diagonal,
+            parameterization,
+            corners,
+        },
+        options: options.clone(),
+        result: ResultReport {
+            dofs: last.dofs,
+            levels: last.levels,
+            cells: last.cells,
+            max: deviation.max,
+            mse: deviation.mse,
+            rmse: deviation.rmse(),
+            within: deviation.within,
+            tolerance,
+            lambda: method.lambda().unwrap_or(0.0),
+            dhd,
+            seconds: start.elapsed().as_secs_f64(),
+            stop: stop.name(),
+            reached: stop == Stop::ToleranceReached,
+            sides: sides(&map)?,
+        },
+        history: history(&iterations),
+        warnings,
+    };
+    let mut model = Model::surface(map, options.units);
+    model.metadata.insert("source".into(), name.into());
+    let reversed = reversed != options.flip;
+    Ok(Fit { model, report, points, parameters, errors, reversed, stop })
+}
+
+fn loop_options(options: &FitOptions, tolerance: f64) -> adaptive::Options<2> {
+    adaptive::Options {
+        tolerance,
+        within: options.within,
+        marking: options.mark.0,
+        refinement: Refinement {
+            extension: options.extension.0,
+            admissible: options.admissible,
+            max_levels: options.levels,
+        },
+        max_dofs: options.max_dofs,
+        ..adaptive::Options::default()
+    }
+}
+
+fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[KnotVector; 2], Error> {
+    let mut knots = Vec::with_capacity(2);
+    for d in 0..2 {
+        let uniform = KnotVector::uniform(options.degree.0[d], options.mesh.0[d])?;
+        knots.push(match options.domain {
+            Domain::Unit => uniform,
+            Domain::Data => {
+                let column = parameters.column(d);
+                let lower = column.iter().copied().fold(f64::INFINITY, f64::min);
+                let upper = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                uniform.on_interval(lower, upper)?
+            }
+        });
+    }
+    Ok([knots[0].clone(), knots[1].clone()])
+}

@@ -1,0 +1,245 @@
+//! Questions about models and files.
+
+use std::path::Path;
+
+use fit_ls::hausdorff;
+use geom_io::{
+    Geometry, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions, WriteOptions,
+    read_model, read_scan, write_mesh, write_model,
+};
+use ndarray::{Array2, Axis};
+use point_cloud::BoundingBox;
+use rayon::prelude::*;
+use serde::Serialize;
+use thb_core::{CellSpace, ClosestPoints, SplineMap};
+
+use crate::mesh::tessellate;
+use crate::{Error, Tolerance};
+
+/// Samples per direction and cell for the distance from surface to points.
+const SAMPLES: usize = 4;
+
+/// Deviation of a cloud from a model.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// Number of points.
+    pub points: usize,
+    /// Largest distance of a point to the surface (DHD).
+    pub dhd: f64,
+    /// Two-sided Hausdorff distance (HSD): also from samples of the surface to the points.
+    pub hsd: f64,
+    /// Mean distance of a point to the surface.
+    pub mean: f64,
+    /// Mean of the squared distances.
+    pub mse: f64,
+    /// Its root.
+    pub rmse: f64,
+    /// The tolerance, in the units of the points.
+    pub tolerance: f64,
+    /// Share of the points within it.
+    pub within: f64,
+    /// Largest distance at the points' own parameters, where the cloud has parameters in the model's domain.
+    pub max_at_parameters: Option<f64>,
+}
+
+/// Compares a cloud with a model: distances of its points to their closest points on the surface.
+///
+/// # Errors
+/// [`Error`].
+pub fn compare(model: &Path, cloud: &Path, tolerance: Tolerance) -> Result<Comparison, Error> {
+    let map = surface(model)?;
+    let scan = read_scan(cloud, &ReadOptions::default())?;
+    let points = scan.cloud.points;
+    let tolerance = tolerance.resolve(BoundingBox::of(points.view())?.diagonal());
+    if points.ncols() != map.dim() {
+        return Err(fit_ls::Error::Shape {
+            what: "coordinates of the points",
+            given: points.ncols(),
+            expected: map.dim(),
+        }
+        .into());
+    }
+    let search = ClosestPoints::new(map.bezier().clone())?;
+    let rows: Vec<Vec<f64>> = points.outer_iter().map(|row| row.to_vec()).collect();
+    let distances: Vec<f64> = rows.par_iter().map(|row| search.closest(row).distance).collect();
+    let deviation = adaptive::Deviation::new(&distances, tolerance);
+    let both = hausdorff(&map, points.view(), SAMPLES)?;
+    let max_at_parameters = match scan.cloud.parameters {
+        Some(parameters) if parameters.ncols() == 2 => {
+            map.eval_batch(parameters.view()).ok().map(|image| largest_distance(&image, &points))
+        }
+        _ => None,
+    };
+    Ok(Comparison {
+        points: deviation.points,
+        dhd: deviation.max,
+        hsd: both.two_sided(),
+        mean: distances.iter().sum::<f64>() / distances.len().max(1) as f64,
+        mse: deviation.mse,
+        rmse: deviation.rmse(),
+        tolerance,
+        within: deviation.within,
+        max_at_parameters,
+    })
+}
+
+fn largest_distance(a: &Array2<f64>, b: &Array2<f64>) -> f64 {
+    let squared = (a - b).mapv(|x| x * x).sum_axis(Axis(1));
+    squared.iter().fold(0.0_f64, |m, &s| m.max(s)).sqrt()
+}
+
+/// Points of a model at the parameters of a CSV file with the columns u and v (curves: u): rows `u, v, x, y, z`.
+///
+/// # Errors
+/// [`Error`].
+pub fn eval_model(model: &Path, parameters: &Path) -> Result<Array2<f64>, Error> {
+    let geometry = read_model(model)?.geometry;
+    let columns: &[&str] = match geometry {
+        Geometry::Curve(_) => &["u"],
+        Geometry::Surface(_) => &["u", "v"],
+    };
+    let options = ReadOptions {
+        coordinate_columns: columns.iter().map(|&name| name.to_owned()).collect(),
+        ..ReadOptions::default()
+    };
+    let parameters = read_scan(parameters, &options)?.cloud.points;
+    let image = match &geometry {
+        Geometry::Curve(map) => eval_rows(map, &parameters)?,
+        Geometry::Surface(map) => eval_rows(map, &parameters)?,
+    };
+    ndarray::concatenate(Axis(1), &[parameters.view(), image.view()]).map_err(|_| fit_ls::Error::NoPoints.into())
+}
+
+fn eval_rows<const D: usize>(map: &SplineMap<D>, parameters: &Array2<f64>) -> Result<Array2<f64>, Error> {
+    for (index, row) in parameters.outer_iter().enumerate() {
+        let u = std::array::from_fn(|d| row[d]);
+        map.space().locate_cell(u).map_err(|source| fit_ls::Error::Parameter { index, source })?;
+    }
+    Ok(map.eval_batch(parameters.view())?)
+}
+
+/// Writes a model in another format: `.step .stp .xml .json`, or a sampled mesh `.obj .ply .vtk`.
+///
+/// # Errors
+/// [`Error`].
+pub fn convert(input: &Path, output: &Path, max_step_control_points: usize, flip: bool) -> Result<(), Error> {
+    let model = read_model(input)?;
+    if ModelFormat::from_path(output).is_some() {
+        let step = StepOptions { max_control_points: max_step_control_points, flip, ..StepOptions::default() };
+        return Ok(write_model(output, &model, &WriteOptions { step })?);
+    }
+    if MeshFormat::from_path(output).is_err() {
+        return Err(Error::OutputFormat { path: output.to_owned() });
+    }
+    let Geometry::Surface(map) = model.geometry else {
+        return Err(Error::NotASurface { path: input.to_owned() });
+    };
+    let (mesh, _) = tessellate(&map, flip)?;
+    let mesh = MeshWithScalars { vertices: mesh.vertices.view(), triangles: &mesh.triangles, scalars: None };
+    Ok(write_mesh(output, &mesh, &MeshStyle::default())?)
+}
+
+/// What a file holds.
+#[derive(Clone, Debug, Serialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Info {
+    /// A spline model.
+    Model {
+        /// Dimension of the parameters.
+        parameters: usize,
+        /// Dimension of the points.
+        dimension: usize,
+        /// Degree per direction.
+        degree: Vec<usize>,
+        /// Control points.
+        dofs: usize,
+        /// Levels.
+        levels: usize,
+        /// Cells.
+        cells: usize,
+        /// Functions of each level.
+        dofs_per_level: Vec<usize>,
+        /// Lower and upper corner of the parameter domain.
+        domain: [Vec<f64>; 2],
+        /// Length unit.
+        unit: &'static str,
+    },
+    /// A cloud or mesh.
+    Scan {
+        /// Its format.
+        format: &'static str,
+        /// Points.
+        points: usize,
+        /// Triangles, if it is a mesh.
+        triangles: Option<usize>,
+        /// Coordinates per point.
+        dimension: usize,
+        /// Whether points come with parameters.
+        parameters: bool,
+        /// Rows and columns, if it is a grid.
+        grid: Option<[usize; 2]>,
+        /// Lower and upper corner of the bounding box.
+        bounds: [Vec<f64>; 2],
+        /// Its diagonal.
+        diagonal: f64,
+        /// Remarks of the reader.
+        notes: Vec<String>,
+    },
+}
+
+/// Tells what a file holds.
+///
+/// # Errors
+/// [`Error`].
+pub fn info(path: &Path) -> Result<Info, Error> {
+    if ModelFormat::from_path(path) == Some(ModelFormat::Json) {
+        return Ok(model_info(&read_model(path)?));
+    }
+    let scan = match read_scan(path, &ReadOptions::default()) {
+        Err(error) if matches!(error.kind, geom_io::ReadErrorKind::HoldsModel { .. }) => {
+            return Ok(model_info(&read_model(path)?));
+        }
+        other => other?,
+    };
+    let bounds = BoundingBox::of(scan.cloud.points.view())?;
+    Ok(Info::Scan {
+        format: scan.format.name(),
+        points: scan.cloud.points.nrows(),
+        triangles: scan.triangles.as_ref().map(Vec::len),
+        dimension: scan.cloud.points.ncols(),
+        parameters: scan.cloud.parameters.is_some(),
+        grid: scan.cloud.grid.map(|grid| [grid.n_u, grid.n_v]),
+        diagonal: bounds.diagonal(),
+        bounds: [bounds.lower, bounds.upper].map(|corner| corner.to_vec()),
+        notes: scan.notes,
+    })
+}
+
+fn model_info(model: &Model) -> Info {
+    fn of<const D: usize>(map: &SplineMap<D>, unit: &'static str) -> Info {
+        let space = map.space();
+        let (lower, upper) = space.domain();
+        Info::Model {
+            parameters: D,
+            dimension: map.dim(),
+            degree: space.degree().to_vec(),
+            dofs: space.n_functions(),
+            levels: space.n_levels(),
+            cells: space.n_cells(),
+            dofs_per_level: space.functions_per_level(),
+            domain: [lower.to_vec(), upper.to_vec()],
+            unit,
+        }
+    }
+    match &model.geometry {
+        Geometry::Curve(map) => of(map, model.unit.name()),
+        Geometry::Surface(map) => of(map, model.unit.name()),
+    }
+}
+
+fn surface(path: &Path) -> Result<SplineMap<2>, Error> {
+    match read_model(path)?.geometry {
+        Geometry::Surface(map) => Ok(map),
+        Geometry::Curve(_) => Err(Error::NotASurface { path: path.to_owned() }),
+    }
+}

@@ -1,0 +1,355 @@
+//! Options of a fit, as they are typed and as they stand in the report.
+
+use std::fmt;
+use std::str::FromStr;
+
+use adaptive::Marking;
+use fit_ls::Lambda;
+use geom_io::LengthUnit;
+use serde::{Serialize, Serializer};
+use thb_core::{MAX_DEGREE, MAX_LEVELS, Quadrature};
+
+use crate::Error;
+
+/// Options of [`crate::fit_scan`]. The defaults need no user.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FitOptions {
+    /// The fitting method.
+    pub method: Method,
+    /// Where parameters come from.
+    pub param: ParameterChoice,
+    /// Degree per direction.
+    pub degree: Pair,
+    /// Elements of level 0 per direction.
+    pub mesh: Pair,
+    /// The smoothing weight.
+    pub lambda: LambdaChoice,
+    /// Largest distance of a point that counts as within tolerance.
+    pub tol: Tolerance,
+    /// The share of points that must be within the tolerance.
+    pub within: f64,
+    /// Largest number of levels, level 0 included.
+    pub levels: usize,
+    /// Largest number of control points of the hierarchical surface.
+    pub max_dofs: usize,
+    /// Control points up to which STEP files hold one tensor-product face instead of several.
+    pub max_step_control_points: usize,
+    /// Which cells are refined.
+    pub mark: Mark,
+    /// Extension of a marked cell's region, in cells of the next level.
+    pub extension: Pair,
+    /// Class of admissibility to keep, if any.
+    pub admissible: Option<usize>,
+    /// How the smoothing energy is integrated.
+    pub energy: Energy,
+    /// The parameter domain.
+    pub domain: Domain,
+    /// Length unit of the coordinates.
+    #[serde(serialize_with = "unit_name")]
+    pub units: LengthUnit,
+    /// Turn the face normal.
+    pub flip: bool,
+    /// Seed of all random choices.
+    pub seed: u64,
+    /// Number of threads; 0 for one per core.
+    pub threads: usize,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self {
+            method: Method::Ls,
+            param: ParameterChoice::Auto,
+            degree: Pair([3, 3]),
+            mesh: Pair([4, 4]),
+            lambda: LambdaChoice(Lambda::Auto),
+            tol: Tolerance::Percent(0.1),
+            within: 0.95,
+            levels: 7,
+            max_dofs: 100_000,
+            max_step_control_points: 20_000,
+            mark: Mark(Marking::Threshold),
+            extension: Pair([2, 2]),
+            admissible: None,
+            energy: Energy::Exact,
+            domain: Domain::Unit,
+            units: LengthUnit::Millimetre,
+            flip: false,
+            seed: 0,
+            threads: 0,
+        }
+    }
+}
+
+impl FitOptions {
+    /// Checks ranges that types do not express.
+    ///
+    /// # Errors
+    /// [`Error::OptionRange`].
+    pub fn check(&self) -> Result<(), Error> {
+        let range = |option, given: String, allowed, ok: bool| {
+            if ok { Ok(()) } else { Err(Error::OptionRange { option, given, allowed }) }
+        };
+        let degrees = self.degree.0.iter().all(|p| (1..=MAX_DEGREE).contains(p));
+        range("--degree", self.degree.to_string(), "1 to 8", degrees)?;
+        range(
+            "--mesh",
+            self.mesh.to_string(),
+            "1 to 4096 elements",
+            self.mesh.0.iter().all(|n| (1..=4096).contains(n)),
+        )?;
+        range("--within", self.within.to_string(), "0 to 1", (0.0..=1.0).contains(&self.within))?;
+        range("--levels", self.levels.to_string(), "1 to 16", (1..=MAX_LEVELS).contains(&self.levels))?;
+        range("--extension", self.extension.to_string(), "0 to 64", self.extension.0.iter().all(|&k| k <= 64))?;
+        range("--admissible", format!("{:?}", self.admissible), "2 or more", self.admissible.is_none_or(|m| m >= 2))?;
+        let tolerance = match self.tol {
+            Tolerance::Absolute(t) | Tolerance::Percent(t) => t,
+        };
+        range("--tol", self.tol.to_string(), "a positive number", tolerance.is_finite() && tolerance > 0.0)?;
+        if let Lambda::Fixed(lambda) = self.lambda.0 {
+            range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)?;
+        }
+        if let Marking::Share(share) = self.mark.0 {
+            range("--mark", share.to_string(), "a share above 0, at most 1", share > 0.0 && share <= 1.0)?;
+        }
+        Ok(())
+    }
+}
+
+/// An option that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{given:?} is not possible: {expected}")]
+pub struct ParseOptionError {
+    given: String,
+    expected: &'static str,
+}
+
+fn parse_error(given: &str, expected: &'static str) -> ParseOptionError {
+    ParseOptionError { given: given.to_owned(), expected }
+}
+
+/// Serializes an option as it is typed.
+macro_rules! serialize_as_typed {
+    ($($type:ty),*) => {$(
+        impl Serialize for $type {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.collect_str(self)
+            }
+        }
+    )*};
+}
+serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, ParameterChoice, Energy, Domain);
+
+fn unit_name<S: Serializer>(unit: &LengthUnit, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(unit.name())
+}
+
+/// An option with a fixed set of names.
+macro_rules! named {
+    ($(#[$doc:meta])* $type:ident, $expected:literal, $($(#[$variant_doc:meta])* $variant:ident = $name:literal),*) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $type { $($(#[$variant_doc])* $variant),* }
+
+        impl fmt::Display for $type {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(match self { $(Self::$variant => $name),* })
+            }
+        }
+
+        impl FromStr for $type {
+            type Err = ParseOptionError;
+
+            fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+                match text { $($name => Ok(Self::$variant),)* _ => Err(parse_error(text, $expected)) }
+            }
+        }
+    };
+}
+
+named!(
+    /// The fitting method.
+    Method, "ls is the only method",
+    /// Penalized least squares with fixed parameters.
+    Ls = "ls"
+);
+named!(
+    /// Where parameters come from.
+    ParameterChoice, "auto, given, chord, centripetal, uniform or mean-value",
+    /// Given ones, else a mean-value map of the mesh, else chord length along the grid.
+    Auto = "auto",
+    /// Those of the file.
+    Given = "given",
+    /// Chord length along the lines of a grid.
+    Chord = "chord",
+    /// Square root of the chord length along the lines of a grid.
+    Centripetal = "centripetal",
+    /// Equidistant along the lines of a grid; for meshes the barycentric map with equal weights.
+    Uniform = "uniform",
+    /// Barycentric map of a mesh with mean-value weights.
+    MeanValue = "mean-value"
+);
+named!(
+    /// How the smoothing energy is integrated.
+    Energy, "exact or gauss-p",
+    /// Exactly.
+    Exact = "exact",
+    /// With as many Gauss nodes per direction as the degree, as G+Smo does.
+    GaussP = "gauss-p"
+);
+named!(
+    /// The parameter domain.
+    Domain, "unit or data",
+    /// The unit square.
+    Unit = "unit",
+    /// The box of the parameters in the file.
+    Data = "data"
+);
+
+impl Energy {
+    pub(crate) fn quadrature(self) -> Quadrature {
+        match self {
+            Self::Exact => Quadrature::Exact,
+            Self::GaussP => Quadrature::GaussP,
+        }
+    }
+}
+
+/// One number for each direction: `2` for both, or `2,3`; meshes are also written `8x8`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct Pair(pub [usize; 2]);
+
+impl FromStr for Pair {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+        let wrong = || parse_error(text, "one whole number, or two as in 2,3 or 8x8");
+        let parts: Result<Vec<usize>, _> = text.split([',', 'x']).map(|part| part.trim().parse()).collect();
+        match parts.map_err(|_| wrong())?.as_slice() {
+            [both] => Ok(Self([*both; 2])),
+            [u, v] => Ok(Self([*u, *v])),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl fmt::Display for Pair {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{}", self.0[0], self.0[1])
+    }
+}
+
+/// A tolerance in the units of the input, or a percentage of the bounding box diagonal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tolerance {
+    /// In units of the input.
+    Absolute(f64),
+    /// Percent of the diagonal.
+    Percent(f64),
+}
+
+impl Tolerance {
+    /// In the units of the input, for a given diagonal.
+    pub fn resolve(self, diagonal: f64) -> f64 {
+        match self {
+            Self::Absolute(tolerance) => tolerance,
+            Self::Percent(percent) => percent / 100.0 * diagonal,
+        }
+    }
+}
+
+impl FromStr for Tolerance {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+        let wrong = |_| parse_error(text, "a length such as 0.05, or a percentage of the diagonal such as 0.1%");
+        match text.strip_suffix('%') {
+            Some(number) => number.trim().parse().map(Self::Percent).map_err(wrong),
+            None => text.parse().map(Self::Absolute).map_err(wrong),
+        }
+    }
+}
+
+impl fmt::Display for Tolerance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Absolute(tolerance) => write!(f, "{tolerance}"),
+            Self::Percent(percent) => write!(f, "{percent}%"),
+        }
+    }
+}
+
+/// The smoothing weight: `auto` or a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LambdaChoice(pub Lambda);
+
+impl FromStr for LambdaChoice {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+        match text {
+            "auto" => Ok(Self(Lambda::Auto)),
+            number => number
+                .parse()
+                .map(|lambda| Self(Lambda::Fixed(lambda)))
+                .map_err(|_| parse_error(text, "auto, or a number such as 1e-7")),
+        }
+    }
+}
+
+impl fmt::Display for LambdaChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Lambda::Auto => f.write_str("auto"),
+            Lambda::Fixed(lambda) => write!(f, "{lambda:e}"),
+        }
+    }
+}
+
+/// Which cells are refined: `threshold`, or `share:0.1` for those with the worst tenth of the points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mark(pub Marking);
+
+impl FromStr for Mark {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+        let share = text.strip_prefix("share:").and_then(|number| number.parse().ok());
+        match (text, share) {
+            ("threshold", _) => Ok(Self(Marking::Threshold)),
+            (_, Some(share)) => Ok(Self(Marking::Share(share))),
+            _ => Err(parse_error(text, "threshold, or share:S with a share S such as 0.1")),
+        }
+    }
+}
+
+impl fmt::Display for Mark {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Marking::Threshold => f.write_str("threshold"),
+            Marking::Share(share) => write!(f, "share:{share}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_read_back_as_they_are_written() {
+        for text in ["0.1%", "0.0001", "12"] {
+            assert_eq!(text.parse::<Tolerance>().unwrap().to_string(), text);
+        }
+        for text in ["threshold", "share:0.1"] {
+            assert_eq!(text.parse::<Mark>().unwrap().to_string(), text);
+        }
+        assert_eq!("8x4".parse(), Ok(Pair([8, 4])));
+        assert_eq!("2".parse(), Ok(Pair([2, 2])));
+        assert_eq!("1e-7".parse::<LambdaChoice>().unwrap().to_string(), "1e-7");
+        assert!("2,3,4".parse::<Pair>().is_err());
+        assert!("share:x".parse::<Mark>().is_err());
+        assert!("ten %".parse::<Tolerance>().is_err());
+    }
+}

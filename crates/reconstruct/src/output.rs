@@ -1,0 +1,110 @@
+//! Results in files.
+
+use std::path::{Path, PathBuf};
+
+use geom_io::{
+    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, WriteOptions, write_atomically,
+    write_mesh, write_model,
+};
+use serde::Serialize;
+
+use crate::mesh::{nearest_errors, tessellate};
+use crate::{Error, Fit};
+
+/// Where the results of one part go.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct OutputPaths {
+    /// Files, the format by extension.
+    pub files: Vec<PathBuf>,
+    /// The report, if it is asked for.
+    pub report: Option<PathBuf>,
+}
+
+impl OutputPaths {
+    /// The outputs of an input: files as named; a directory gets `NAME.step`, `NAME.json` and `NAME.report.json`.
+    ///
+    /// # Errors
+    /// [`Error::OutputFormat`].
+    pub fn of(input: &Path, outputs: &[PathBuf], report: Option<&Path>) -> Result<Self, Error> {
+        let mut paths = Self { files: Vec::new(), report: report.map(Path::to_owned) };
+        for output in outputs {
+            if is_directory(output) {
+                let stem = input.file_stem().unwrap_or_default().to_string_lossy();
+                paths.files.push(output.join(format!("{stem}.step")));
+                paths.files.push(output.join(format!("{stem}.json")));
+                paths.report.get_or_insert_with(|| output.join(format!("{stem}.report.json")));
+            } else if is_output_file(output) {
+                paths.files.push(output.clone());
+            } else {
+                return Err(Error::OutputFormat { path: output.clone() });
+            }
+        }
+        Ok(paths)
+    }
+}
+
+/// Whether an output is meant to be a directory: it is one, or its name has no extension or ends in a separator.
+pub(crate) fn is_directory(output: &Path) -> bool {
+    output.is_dir() || output.extension().is_none() || output.to_string_lossy().ends_with(std::path::is_separator)
+}
+
+fn is_output_file(path: &Path) -> bool {
+    ModelFormat::from_path(path).is_some() || MeshFormat::from_path(path).is_ok()
+}
+
+/// Writes a fit to its files, each complete or not at all, and makes the directories they lie in.
+///
+/// # Errors
+/// [`Error::Model`], [`Error::Write`], [`Error::Io`].
+pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
+    for path in &outputs.files {
+        make_parent(path)?;
+        if ModelFormat::from_path(path).is_some() {
+            let step = StepOptions {
+                max_control_points: fit.report.options.max_step_control_points,
+                flip: fit.reversed,
+                ..StepOptions::default()
+            };
+            write_model(path, &fit.model, &WriteOptions { step })?;
+        } else {
+            let (mesh, parameters) = tessellate(fit.surface(), fit.reversed)?;
+            let values = nearest_errors(fit, &parameters);
+            let scalars = Some(Scalars { name: "deviation", values: values.view() });
+            let mesh = MeshWithScalars { vertices: mesh.vertices.view(), triangles: &mesh.triangles, scalars };
+            write_mesh(path, &mesh, &MeshStyle::default())?;
+        }
+    }
+    match &outputs.report {
+        Some(path) => write_report(path, &fit.report),
+        None => Ok(()),
+    }
+}
+
+/// Writes anything serializable as indented JSON.
+///
+/// # Errors
+/// [`Error::Write`], [`Error::Io`].
+pub fn write_report(path: &Path, report: &impl Serialize) -> Result<(), Error> {
+    let mut text = serde_json::to_string_pretty(report)
+        .map_err(|source| Error::Io { path: path.to_owned(), source: source.into() })?;
+    text.push('\n');
+    write_text(path, &text)
+}
+
+/// Writes a text file, complete or not at all, and makes the directory it lies in.
+///
+/// # Errors
+/// [`Error::Write`], [`Error::Io`].
+pub fn write_text(path: &Path, text: &str) -> Result<(), Error> {
+    make_parent(path)?;
+    Ok(write_atomically(path, |out| out.write_all(text.as_bytes()))?)
+}
+
+fn make_parent(path: &Path) -> Result<(), Error> {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => {
+            std::fs::create_dir_all(parent).map_err(|source| Error::Io { path: parent.to_owned(), source })
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,173 @@
+//! The report: what went in, what was asked for, what came out.
+
+use std::collections::BTreeMap;
+
+use adaptive::Iteration;
+use serde::Serialize;
+use thb_core::{CellSpace, SplineMap};
+
+use crate::{Error, FitOptions};
+
+/// Report of one fit. Keys are added by later versions, never renamed within a schema.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Version of this layout.
+    pub schema: u32,
+    /// What was read.
+    pub input: InputReport,
+    /// All options, defaults included, as they are typed.
+    pub options: FitOptions,
+    /// What came out.
+    pub result: ResultReport,
+    /// One record per iteration.
+    pub history: Vec<IterationReport>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// What was read.
+#[derive(Clone, Debug, Serialize)]
+pub struct InputReport {
+    /// The file.
+    pub file: String,
+    /// Its format.
+    pub format: &'static str,
+    /// Points in the file.
+    pub points: usize,
+    /// Triangles in the file, if it holds a mesh.
+    pub triangles: Option<usize>,
+    /// Points that were fitted.
+    pub fitted_points: usize,
+    /// Diagonal of their bounding box.
+    pub diagonal: f64,
+    /// How parameters were found.
+    pub parameterization: &'static str,
+    /// For a mapped mesh the vertices at (0,0), (1,0), (1,1), (0,1), after the merging of equal vertices.
+    pub corners: Option<[u32; 4]>,
+}
+
+/// What came out.
+#[derive(Clone, Debug, Serialize)]
+pub struct ResultReport {
+    /// Control points of the hierarchical surface.
+    pub dofs: usize,
+    /// Levels, level 0 included.
+    pub levels: usize,
+    /// Cells of the mesh.
+    pub cells: usize,
+    /// Largest distance of a point to the surface at its parameters, in the units of the input.
+    pub max: f64,
+    /// Mean of the squared distances.
+    pub mse: f64,
+    /// Its root.
+    pub rmse: f64,
+    /// Share of the points within the tolerance.
+    pub within: f64,
+    /// The tolerance in the units of the input.
+    pub tolerance: f64,
+    /// The smoothing weight that was used.
+    pub lambda: f64,
+    /// Largest distance of a point to the surface, wherever its closest point lies.
+    pub dhd: f64,
+    /// Seconds from the points to the result.
+    pub seconds: f64,
+    /// Why the loop ended: tolerance, levels, max-dofs, stagnation, iterations, interrupted, failed.
+    pub stop: &'static str,
+    /// Whether the asked share of points is within the tolerance.
+    pub reached: bool,
+    /// For each side of the (u,v) square where it lies on the part.
+    pub sides: BTreeMap<&'static str, SideReport>,
+}
+
+/// Where a side of the parameter square lies on the part.
+#[derive(Clone, Debug, Serialize)]
+pub struct SideReport {
+    /// The side of the part it lies on most clearly, such as `+x`: the axis along which its middle is farthest from
+    /// the middle of the surface.
+    pub towards: String,
+    /// Point where it begins (smaller parameter).
+    pub from: Vec<f64>,
+    /// Point where it ends.
+    pub to: Vec<f64>,
+}
+
+/// One iteration of the adaptive loop.
+#[derive(Clone, Debug, Serialize)]
+pub struct IterationReport {
+    /// Number, from 0.
+    pub iteration: usize,
+    /// Control points.
+    pub dofs: usize,
+    /// Levels.
+    pub levels: usize,
+    /// Largest distance.
+    pub max: f64,
+    /// Mean of the squared distances.
+    pub mse: f64,
+    /// Its root.
+    pub rmse: f64,
+    /// Share of the points within the tolerance.
+    pub within: f64,
+    /// Seconds per phase.
+    pub seconds: SecondsReport,
+}
+
+/// Seconds per phase.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct SecondsReport {
+    /// Setting up equations.
+    pub assemble: f64,
+    /// Solving them.
+    pub solve: f64,
+    /// Evaluating errors.
+    pub estimate: f64,
+    /// Marking and refining.
+    pub refine: f64,
+}
+
+pub(crate) fn history(iterations: &[Iteration]) -> Vec<IterationReport> {
+    iterations
+        .iter()
+        .map(|i| IterationReport {
+            iteration: i.iteration,
+            dofs: i.dofs,
+            levels: i.levels,
+            max: i.deviation.max,
+            mse: i.deviation.mse,
+            rmse: i.deviation.rmse(),
+            within: i.deviation.within,
+            seconds: SecondsReport {
+                assemble: i.seconds.assemble,
+                solve: i.seconds.solve,
+                estimate: i.seconds.estimate,
+                refine: i.seconds.refine,
+            },
+        })
+        .collect()
+}
+
+/// Names the sides of the parameter square by where they lie on the part.
+pub(crate) fn sides(map: &SplineMap<2>) -> Result<BTreeMap<&'static str, SideReport>, Error> {
+    let (a, b) = map.space().domain();
+    let at = |s: f64, t: f64| {
+        let blend = |d: usize, x: f64| if x == 1.0 { b[d] } else { a[d] + x * (b[d] - a[d]) };
+        map.eval([blend(0, s), blend(1, t)])
+    };
+    let centre = at(0.5, 0.5)?;
+    let ends = [
+        ("u_min", (0.0, 0.0), (0.0, 1.0)),
+        ("u_max", (1.0, 0.0), (1.0, 1.0)),
+        ("v_min", (0.0, 0.0), (1.0, 0.0)),
+        ("v_max", (0.0, 1.0), (1.0, 1.0)),
+    ];
+    let mut sides = BTreeMap::new();
+    for (name, from, to) in ends {
+        let middle = at(0.5 * (from.0 + to.0), 0.5 * (from.1 + to.1))?;
+        let offset: Vec<f64> = middle.iter().zip(&centre).map(|(m, c)| m - c).collect();
+        let axis = (0..offset.len()).max_by(|&i, &j| offset[i].abs().total_cmp(&offset[j].abs())).unwrap_or(0);
+        let sign = if offset[axis] < 0.0 { '-' } else { '+' };
+        let towards = format!("{sign}{}", ["x", "y", "z"].get(axis).copied().unwrap_or("?"));
+        sides.insert(name, SideReport { towards, from: at(from.0, from.1)?, to: at(to.0, to.1)? });
+    }
+    Ok(sides)
+}
