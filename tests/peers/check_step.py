@@ -87,7 +87,7 @@ def check_shell(shape, faces_expected, flipped):
         for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
             # By identity, not by place: opposite sides of a closed surface coincide, and stay two edges.
             ends.setdefault(hash(vertex.Oriented(TopAbs_FORWARD)), []).append(number)
-    if any(len(edges) != 2 for edges in ends.values()):
+    if any(len(edges) % 2 for edges in ends.values()):
         fail("the free edges are no closed wires")
     wires = count_wires(list(ends.values()))
     if wires != 1:
@@ -109,8 +109,8 @@ def edges_with_orientations(faces):
     return [entry for bucket in buckets.values() for entry in bucket]
 
 
-def count_wires(pairs):
-    """Number of cycles of edges that meet in pairs."""
+def count_wires(groups):
+    """Number of connected sets of edges, given the edges at each vertex."""
     parent = {}
 
     def root(i):
@@ -119,8 +119,9 @@ def count_wires(pairs):
             i = parent[i]
         return i
 
-    for a, b in pairs:
-        parent[root(a)] = root(b)
+    for first, *others in groups:
+        for other in others:
+            parent[root(other)] = root(first)
     return len({root(i) for i in list(parent)})
 
 

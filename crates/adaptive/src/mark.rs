@@ -11,17 +11,17 @@ pub enum Marking {
     Share(f64),
 }
 
-/// The marked cells, increasing.
+/// The marked cells, by decreasing largest error; equal ones by number.
 pub fn mark(estimate: Estimate<'_>, marking: Marking, tolerance: f64) -> Vec<usize> {
     let threshold = match marking {
         Marking::Threshold => tolerance,
         Marking::Share(share) => tolerance.max(upper_quantile(estimate.errors, share)),
     };
-    let cells = estimate.offsets.windows(2).enumerate();
-    cells
-        .filter(|(_, ends)| estimate.errors[ends[0]..ends[1]].iter().any(|&e| e >= threshold))
-        .map(|(c, _)| c)
-        .collect()
+    let largest = |ends: &[usize]| estimate.errors[ends[0]..ends[1]].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let cells = estimate.offsets.windows(2).map(largest).enumerate();
+    let mut marked: Vec<(usize, f64)> = cells.filter(|&(_, error)| error >= threshold).collect();
+    marked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    marked.into_iter().map(|(cell, _)| cell).collect()
 }
 
 /// The smallest of the given share of largest errors; at least one counts.
@@ -41,10 +41,10 @@ mod tests {
     #[test]
     fn threshold_and_share_mark_the_cells_of_large_errors() {
         let estimate = Estimate { offsets: &[0, 2, 2, 5], errors: &[0.1, 0.4, 0.2, 0.9, 0.3] };
-        assert_eq!(mark(estimate, Marking::Threshold, 0.4), [0, 2]);
+        assert_eq!(mark(estimate, Marking::Threshold, 0.4), [2, 0]);
         assert_eq!(mark(estimate, Marking::Threshold, 0.5), [2]);
         assert_eq!(mark(estimate, Marking::Share(0.2), 0.0), [2]);
-        assert_eq!(mark(estimate, Marking::Share(0.4), 0.0), [0, 2]);
+        assert_eq!(mark(estimate, Marking::Share(0.4), 0.0), [2, 0]);
         // Cells within the tolerance are never marked.
         assert_eq!(mark(estimate, Marking::Share(1.0), 0.95), [0_usize; 0]);
     }

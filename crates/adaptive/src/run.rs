@@ -25,7 +25,7 @@ pub struct Options<const D: usize> {
     pub marking: Marking,
     /// How marked cells are refined, and the largest number of levels.
     pub refinement: Refinement<D>,
-    /// No space with more functions is tried.
+    /// Largest number of functions. Where refining all marked cells would exceed it, only the worst are refined.
     pub max_dofs: usize,
     /// Largest number of iterations.
     pub max_iterations: usize,
@@ -53,7 +53,7 @@ pub enum Stop {
     ToleranceReached,
     /// Refinement is needed in cells of the finest allowed level only.
     Levels,
-    /// The refined space would have more functions than allowed.
+    /// No further cell can be refined within the allowed number of functions.
     Dofs,
     /// Several iterations brought no progress.
     Stagnation,
@@ -239,18 +239,31 @@ fn stagnates(record: &Iteration, history: &[Iteration]) -> bool {
         .all(|&of| of(&record.deviation).min(best(of, recent)) > (1.0 - PROGRESS) * best(of, &history[..before]))
 }
 
+/// Refines the marked cells, worst first, as far as the limit on functions allows.
 fn refine<const D: usize>(
     space: &HierarchicalSpace<D>,
     marked: &[usize],
     options: &Options<D>,
 ) -> Result<HierarchicalSpace<D>, Stop> {
     // Indices of marked cells come from the space itself, so what remains of errors is the limit on levels.
-    let finer = space.refine(marked, &options.refinement).map_err(|_| Stop::Levels)?;
-    if finer.n_cells() == space.n_cells() {
-        Err(Stop::Levels)
-    } else if finer.n_functions() > options.max_dofs {
-        Err(Stop::Dofs)
-    } else {
-        Ok(finer)
+    let of_worst = |count: usize| space.refine(&marked[..count], &options.refinement).map_err(|_| Stop::Levels);
+    let mut best = of_worst(marked.len())?;
+    if best.n_cells() == space.n_cells() {
+        return Err(Stop::Levels);
     }
+    if best.n_functions() > options.max_dofs {
+        // The number of functions grows with the number of cells: halve the interval that holds the last possible one.
+        let (mut possible, mut excessive) = (0, marked.len());
+        best = space.clone();
+        while excessive - possible > 1 {
+            let middle = possible.midpoint(excessive);
+            let candidate = of_worst(middle)?;
+            if candidate.n_functions() > options.max_dofs {
+                excessive = middle;
+            } else {
+                (possible, best) = (middle, candidate);
+            }
+        }
+    }
+    if best.n_cells() == space.n_cells() { Err(Stop::Dofs) } else { Ok(best) }
 }

@@ -123,7 +123,7 @@ pub(crate) struct FitArgs {
     /// Elements of the coarsest level, as 8 or 8x4.
     #[arg(long, default_value_t = FitOptions::default().mesh, help_heading = "What is fitted")]
     mesh: Pair,
-    /// Smoothing weight: auto (by error on held-out points) or a number. It multiplies the thin-plate energy G in
+    /// Smoothing weight: auto (by error on held-out points, within the tolerance) or a number. It multiplies the thin-plate energy G in
     /// BᵀWB + λG.
     #[arg(long, default_value_t = FitOptions::default().lambda, help_heading = "What is fitted")]
     lambda: LambdaChoice,
@@ -140,9 +140,9 @@ pub(crate) struct FitArgs {
     /// Largest number of levels; level 0 counts.
     #[arg(long, default_value_t = FitOptions::default().levels, help_heading = "When it is good enough")]
     levels: usize,
-    /// Largest number of control points of the surface.
-    #[arg(long, default_value_t = FitOptions::default().max_dofs, help_heading = "When it is good enough")]
-    max_dofs: usize,
+    /// Largest number of control points of the surface. [default: the number of points]
+    #[arg(long, help_heading = "When it is good enough")]
+    max_dofs: Option<usize>,
 
     /// Cells to refine: threshold (those with a point beyond the tolerance) or share:S (those with the worst share S of
     /// the points).

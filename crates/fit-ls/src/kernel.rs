@@ -1,11 +1,12 @@
 //! The two loops over points: sums for the normal equations, and residuals. Both work on blocks of points of one cell,
-//! with vector instructions chosen at run time; partial sums have a fixed width, so results do not depend on them.
+//! with vector instructions chosen at run time. Each number has a fixed count of partial sums, and products are added
+//! with one rounding on every machine, so that results do not depend on the width of its vectors.
 
 use std::ops::Range;
 
-use pulp::NullaryFnOnce;
+use pulp::{Simd, WithSimd};
 use thb_core::BezierMap;
-use thb_core::bernstein::{BLOCK, Block, LANES, add_products, total, values_block};
+use thb_core::bernstein::{BLOCK, Block, LANES, binomial, total};
 
 use crate::SortedPoints;
 
@@ -34,14 +35,28 @@ pub(crate) fn sums<const D: usize>(
     lower: [f64; D],
     upper: [f64; D],
 ) -> CellSums {
-    let n_moments = degree.iter().map(|p| 2 * p + 1).product();
-    let n_local: usize = degree.iter().map(|p| p + 1).product();
-    let mut moments = vec![[0.0; LANES]; n_moments];
-    let mut right = vec![[0.0; LANES]; n_local * points.dim()];
-    let mut scratch = Scratch::new(degree, points.dim());
-    let (corners, scratch) = ((lower, upper), &mut scratch);
-    pulp::Arch::new().dispatch(Sums { points, range, degree, corners, scratch, moments: &mut moments, right: &mut right });
-    CellSums { moments: moments.iter().map(total).collect(), right: right.iter().map(total).collect() }
+    let (orders, double_orders) = (degree.map(|p| p + 1), degree.map(|p| 2 * p + 1));
+    let n = points.dim();
+    let mut moments = vec![[0.0; LANES]; double_orders.iter().product()];
+    let mut columns = vec![[0.0; LANES]; n * orders.iter().product::<usize>()];
+    let corners = (lower, upper);
+    pulp::Arch::new().dispatch(Sums {
+        points,
+        range,
+        orders,
+        double_orders,
+        corners,
+        moments: &mut moments,
+        right: &mut columns,
+    });
+    // The loop leaves the first direction fastest; here the component is.
+    let mut right = Vec::with_capacity(columns.len());
+    for line in columns.chunks_exact(orders[0] * n) {
+        for i in 0..orders[0] {
+            right.extend((0..n).map(|k| total(&line[k * orders[0] + i])));
+        }
+    }
+    CellSums { moments: moments.iter().map(total).collect(), right }
 }
 
 /// Distances of the points of a range, all in one cell, to the cell's polynomial.
@@ -52,30 +67,250 @@ pub(crate) fn distances<const D: usize>(
     cell: usize,
     out: &mut [f64],
 ) {
-    let mut scratch = Scratch::new(map.degree(), points.dim());
-    pulp::Arch::new().dispatch(Distances { points, range, map, cell, scratch: &mut scratch, out });
+    pulp::Arch::new().dispatch(Distances { points, range, map, cell, out });
+}
+
+/// Up to `BLOCK` points of a cell: parameters across the cell (0 to 1), values of Bernstein polynomials, coordinates.
+/// Beyond the last point everything is zero or multiplied by zero.
+struct Batch<const D: usize> {
+    t: [Block; D],
+    basis: [Vec<Block>; D],
+    columns: Vec<Block>,
+    weight: Block,
+}
+
+impl<const D: usize> Batch<D> {
+    fn new(orders: [usize; D], dim: usize) -> Self {
+        let zero = [0.0; BLOCK];
+        Self { t: [zero; D], basis: orders.map(|n| vec![zero; n]), columns: vec![zero; dim], weight: zero }
+    }
+
+    /// Loads points and returns their number rounded up to whole vectors.
+    #[inline(always)]
+    fn load(&mut self, points: &SortedPoints<D>, range: Range<usize>, (lower, upper): ([f64; D], [f64; D])) -> usize {
+        let len = range.len().next_multiple_of(LANES);
+        for d in 0..D {
+            let t = &mut self.t[d];
+            copy(&points.parameters[d][range.clone()], t, len, lower[d]);
+            let inverse = 1.0 / (upper[d] - lower[d]);
+            t[..len].iter_mut().for_each(|u| *u = (*u - lower[d]) * inverse);
+        }
+        for (target, column) in self.columns.iter_mut().zip(&points.points) {
+            copy(&column[range.clone()], target, len, 0.0);
+        }
+        len
+    }
+
+    /// Loads weights, multiplied into the coordinates.
+    #[inline(always)]
+    fn load_weights(&mut self, points: &SortedPoints<D>, range: Range<usize>, len: usize) {
+        let Some(weights) = &points.weights else {
+            self.weight[..range.len()].fill(1.0);
+            self.weight[range.len()..].fill(0.0);
+            return;
+        };
+        copy(&weights[range], &mut self.weight, len, 0.0);
+        for column in &mut self.columns {
+            column[..len].iter_mut().zip(&self.weight[..len]).for_each(|(x, w)| *x *= w);
+        }
+    }
+
+    /// Values of all Bernstein polynomials of degree `orders − 1`.
+    #[inline(always)]
+    fn evaluate<S: Simd>(&mut self, simd: S, orders: [usize; D], binomials: &[Vec<f64>; D], len: usize) {
+        for d in 0..D {
+            bernstein(simd, &binomials[d], &self.t[d], len, &mut self.basis[d][..orders[d]]);
+        }
+    }
+}
+
+/// Copies to the front of a block and fills up to `len`.
+#[inline(always)]
+fn copy(source: &[f64], target: &mut Block, len: usize, fill: f64) {
+    match source.first_chunk::<BLOCK>() {
+        // PERF: a copy of known length is no call; bench `assembly`.
+        Some(whole) => *target = *whole,
+        None => {
+            target[..source.len()].copy_from_slice(source);
+            target[source.len()..len].fill(fill);
+        }
+    }
+}
+
+/// `C(p, k)` for the degrees `orders − 1`.
+fn binomials<const D: usize>(orders: [usize; D]) -> [Vec<f64>; D] {
+    orders.map(|order| (0..order).map(|k| binomial(order - 1, k)).collect())
+}
+
+/// The first `len` numbers of a block as vectors.
+#[inline(always)]
+fn vectors<S: Simd>(block: &Block, len: usize) -> &[S::f64s] {
+    &S::as_simd_f64s(block).0[..len.min(BLOCK) / S::F64_LANES]
+}
+
+#[inline(always)]
+fn vectors_mut<S: Simd>(block: &mut Block, len: usize) -> &mut [S::f64s] {
+    &mut S::as_mut_simd_f64s(block).0[..len.min(BLOCK) / S::F64_LANES]
+}
+
+/// Values of Bernstein polynomials, `out[k] = C(p, k) t^k (1−t)^{p−k}`: powers only, so no cancellation.
+#[inline(always)]
+fn bernstein<S: Simd>(simd: S, binomials: &[f64], t: &Block, len: usize, out: &mut [Block]) {
+    let one = simd.splat_f64s(1.0);
+    for (at, &t) in vectors::<S>(t, len).iter().enumerate() {
+        let mut power = one;
+        for (row, &factor) in out.iter_mut().zip(binomials) {
+            vectors_mut::<S>(row, len)[at] = simd.mul_f64s(simd.splat_f64s(factor), power);
+            power = simd.mul_f64s(power, t);
+        }
+        let s = simd.sub_f64s(one, t);
+        let mut power = one;
+        for row in out.iter_mut().rev() {
+            let value = &mut vectors_mut::<S>(row, len)[at];
+            *value = simd.mul_f64s(*value, power);
+            power = simd.mul_f64s(power, s);
+        }
+    }
 }
 
 /// Arguments of the loop of [`sums`].
-///
-/// PERF: types instead of closures, whose bodies are too large to be inlined into the functions that `pulp` compiles for
-/// wide vectors; bench `assembly`.
 struct Sums<'a, const D: usize> {
     points: &'a SortedPoints<D>,
     range: Range<usize>,
-    degree: [usize; D],
+    orders: [usize; D],
+    double_orders: [usize; D],
     corners: ([f64; D], [f64; D]),
-    scratch: &'a mut Scratch<D>,
+    /// First direction fastest.
     moments: &'a mut [[f64; LANES]],
+    /// First direction fastest, then the component.
     right: &'a mut [[f64; LANES]],
 }
 
-impl<const D: usize> NullaryFnOnce for Sums<'_, D> {
+impl<const D: usize> WithSimd for Sums<'_, D> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        sums_inlined(self.points, self.range, self.degree, self.corners, self.scratch, self.moments, self.right);
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { points, range, orders, double_orders, corners, moments, right } = self;
+        let (single, double) = (binomials(orders), binomials(double_orders));
+        let mut batch = Batch::new(double_orders, points.dim());
+        let mut rows = vec![[0.0; BLOCK]; (moments.len() / double_orders[0]).max(right.len() / orders[0])];
+        for start in range.clone().step_by(BLOCK) {
+            let part = start..range.end.min(start + BLOCK);
+            let len = batch.load(points, part.clone(), corners);
+            batch.load_weights(points, part, len);
+            batch.evaluate(simd, double_orders, &double, len);
+            let factors = std::slice::from_ref(&batch.weight);
+            let lines = outer_rows(simd, factors, &batch.basis, double_orders, len, &mut rows);
+            add_products(simd, lines, &batch.basis[0][..double_orders[0]], len, moments);
+            batch.evaluate(simd, orders, &single, len);
+            let lines = outer_rows(simd, &batch.columns, &batch.basis, orders, len, &mut rows);
+            add_products(simd, lines, &batch.basis[0][..orders[0]], len, right);
+        }
+    }
+}
+
+/// The products of each factor with the values of all directions but the first, factors fastest.
+#[inline(always)]
+fn outer_rows<'a, S: Simd, const D: usize>(
+    simd: S,
+    factors: &[Block],
+    basis: &[Vec<Block>; D],
+    orders: [usize; D],
+    len: usize,
+    rows: &'a mut [Block],
+) -> &'a [Block] {
+    let count = factors.len() * orders[1..].iter().product::<usize>();
+    for (line, targets) in rows[..count].chunks_exact_mut(factors.len()).enumerate() {
+        let mut rest = line;
+        let values: [&[S::f64s]; D] = std::array::from_fn(|d| {
+            // The first direction is no factor here; its first row only fills the place.
+            let index = if d == 0 { 0 } else { rest % orders[d] };
+            rest /= if d == 0 { 1 } else { orders[d] };
+            vectors::<S>(&basis[d][index], len)
+        });
+        for (target, factor) in targets.iter_mut().zip(factors) {
+            for (at, product) in vectors_mut::<S>(target, len).iter_mut().enumerate() {
+                *product = vectors::<S>(factor, len)[at];
+                for values in &values[1..] {
+                    *product = simd.mul_f64s(*product, values[at]);
+                }
+            }
+        }
+    }
+    &rows[..count]
+}
+
+/// Rows of a tile of products whose sums are held in registers.
+const TILE_ROWS: usize = 3;
+
+/// Columns of such a tile.
+const TILE_COLUMNS: usize = 5;
+
+/// Adds the products of each row with each column, summed over the points; `sums` has the columns fastest.
+#[inline(always)]
+fn add_products<S: Simd>(simd: S, rows: &[Block], columns: &[Block], len: usize, sums: &mut [[f64; LANES]]) {
+    let stride = columns.len();
+    // As equal parts as possible: a tile of one column would be bound by loads.
+    let width = stride.div_ceil(stride.div_ceil(TILE_COLUMNS));
+    for (rows, sums) in rows.chunks(TILE_ROWS).zip(sums.chunks_mut(TILE_ROWS * stride)) {
+        for (part, columns) in columns.chunks(width).enumerate() {
+            let sums = &mut sums[part * width..];
+            match rows.len() {
+                1 => add_tile_rows::<S, 1>(simd, rows, columns, len, sums, stride),
+                2 => add_tile_rows::<S, 2>(simd, rows, columns, len, sums, stride),
+                _ => add_tile_rows::<S, TILE_ROWS>(simd, rows, columns, len, sums, stride),
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add_tile_rows<S: Simd, const R: usize>(
+    simd: S,
+    rows: &[Block],
+    columns: &[Block],
+    len: usize,
+    sums: &mut [[f64; LANES]],
+    stride: usize,
+) {
+    match columns.len() {
+        1 => add_tile::<S, R, 1>(simd, rows, columns, len, sums, stride),
+        2 => add_tile::<S, R, 2>(simd, rows, columns, len, sums, stride),
+        3 => add_tile::<S, R, 3>(simd, rows, columns, len, sums, stride),
+        4 => add_tile::<S, R, 4>(simd, rows, columns, len, sums, stride),
+        _ => add_tile::<S, R, TILE_COLUMNS>(simd, rows, columns, len, sums, stride),
+    }
+}
+
+#[inline(always)]
+fn add_tile<S: Simd, const R: usize, const C: usize>(
+    simd: S,
+    rows: &[Block],
+    columns: &[Block],
+    len: usize,
+    sums: &mut [[f64; LANES]],
+    stride: usize,
+) {
+    let rows: [&[S::f64s]; R] = std::array::from_fn(|i| vectors::<S>(&rows[i], len));
+    let columns: [&[S::f64s]; C] = std::array::from_fn(|j| vectors::<S>(&columns[j], len));
+    // Partial sums are those of vectors of `LANES` numbers, on machines with shorter ones too.
+    let groups = LANES / S::F64_LANES;
+    for group in 0..groups {
+        let mut tile = [[simd.splat_f64s(0.0); C]; R];
+        for at in (group..len.min(BLOCK) / S::F64_LANES).step_by(groups) {
+            for i in 0..R {
+                for j in 0..C {
+                    tile[i][j] = simd.mul_add_f64s(rows[i][at], columns[j][at], tile[i][j]);
+                }
+            }
+        }
+        for i in 0..R {
+            for j in 0..C {
+                let sum = &mut S::as_mut_simd_f64s(&mut sums[i * stride + j]).0[group];
+                *sum = simd.add_f64s(*sum, tile[i][j]);
+            }
+        }
     }
 }
 
@@ -85,156 +320,59 @@ struct Distances<'a, const D: usize> {
     range: Range<usize>,
     map: &'a BezierMap<D>,
     cell: usize,
-    scratch: &'a mut Scratch<D>,
     out: &'a mut [f64],
 }
 
-impl<const D: usize> NullaryFnOnce for Distances<'_, D> {
+impl<const D: usize> WithSimd for Distances<'_, D> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        distances_inlined(self.points, self.range, self.map, self.cell, self.scratch, self.out);
-    }
-}
-
-struct Scratch<const D: usize> {
-    t: [Block; D],
-    /// Values of degree 2p, one list per direction.
-    double: [Vec<Block>; D],
-    /// Values of degree p, one list per direction, and two more blocks.
-    basis: Vec<Block>,
-    columns: Vec<Block>,
-    weight: Block,
-    product: Block,
-}
-
-impl<const D: usize> Scratch<D> {
-    fn new(degree: [usize; D], dim: usize) -> Self {
-        let zero = [0.0; BLOCK];
-        Self {
-            t: [zero; D],
-            double: degree.map(|p| vec![zero; 2 * p + 1]),
-            basis: vec![zero; degree.iter().map(|p| p + 1).sum::<usize>() + 2],
-            columns: vec![zero; dim],
-            weight: zero,
-            product: zero,
-        }
-    }
-
-    /// Loads local parameters of up to `BLOCK` points from `start` and returns their number rounded up to whole vectors.
-    #[inline(always)]
-    fn load(
-        &mut self,
-        points: &SortedPoints<D>,
-        start: usize,
-        count: usize,
-        (lower, upper): ([f64; D], [f64; D]),
-    ) -> usize {
-        let len = count.next_multiple_of(LANES);
-        for d in 0..D {
-            let inverse = 1.0 / (upper[d] - lower[d]);
-            let t = &mut self.t[d];
-            for (target, u) in t[..count].iter_mut().zip(&points.parameters[d][start..start + count]) {
-                *target = (u - lower[d]) * inverse;
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { points, range, map, cell, out } = self;
+        let orders = map.degree().map(|p| p + 1);
+        let binomials = binomials(orders);
+        let coefficients = map.cell_coefficients(cell);
+        let mut batch = Batch::new(orders, points.dim());
+        let mut distances = [0.0; BLOCK];
+        for (start, target) in range.step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
+            let len = batch.load(points, start..start + target.len(), map.cell_box(cell));
+            batch.evaluate(simd, orders, &binomials, len);
+            for (at, distance) in vectors_mut::<S>(&mut distances, len).iter_mut().enumerate() {
+                *distance = simd.sqrt_f64s(squared_distance(simd, &batch, coefficients, orders, len, at));
             }
-            t[count..len].fill(0.0);
+            target.copy_from_slice(&distances[..target.len()]);
         }
-        for (target, column) in self.columns.iter_mut().zip(&points.points) {
-            target[..count].copy_from_slice(&column[start..start + count]);
-            target[count..len].fill(0.0);
-        }
-        len
     }
 }
 
+/// Squared distances of one vector of points to the polynomial with the given coefficients, `(n_local, N)`.
 #[inline(always)]
-fn sums_inlined<const D: usize>(
-    points: &SortedPoints<D>,
-    range: Range<usize>,
-    degree: [usize; D],
-    corners: ([f64; D], [f64; D]),
-    scratch: &mut Scratch<D>,
-    moments: &mut [[f64; LANES]],
-    right: &mut [[f64; LANES]],
-) {
-    for start in range.clone().step_by(BLOCK) {
-        let count = BLOCK.min(range.end - start);
-        let len = scratch.load(points, start, count, corners);
-        match &points.weights {
-            Some(weights) => scratch.weight[..count].copy_from_slice(&weights[start..start + count]),
-            None => scratch.weight[..count].fill(1.0),
-        }
-        scratch.weight[count..len].fill(0.0);
-        for d in 0..D {
-            values_block(2 * degree[d], &scratch.t[d], len, &mut scratch.double[d]);
-        }
-        let inner = 2 * degree[0] + 1;
-        for (line, sums) in moments.chunks_exact_mut(inner).enumerate() {
-            scratch.product[..len].copy_from_slice(&scratch.weight[..len]);
-            let mut index = line;
+fn squared_distance<S: Simd, const D: usize>(
+    simd: S,
+    batch: &Batch<D>,
+    coefficients: &[f64],
+    orders: [usize; D],
+    len: usize,
+    at: usize,
+) -> S::f64s {
+    let n = batch.columns.len();
+    let mut squared = simd.splat_f64s(0.0);
+    for (k, column) in batch.columns.iter().enumerate() {
+        let mut difference = simd.neg_f64s(vectors::<S>(column, len)[at]);
+        for (line, rows) in coefficients.chunks_exact(orders[0] * n).enumerate() {
+            let mut sum = simd.splat_f64s(0.0);
+            for (row, basis) in rows.chunks_exact(n).zip(&batch.basis[0]) {
+                sum = simd.mul_add_f64s(simd.splat_f64s(row[k]), vectors::<S>(basis, len)[at], sum);
+            }
+            let mut rest = line;
+            let mut outer = simd.splat_f64s(1.0);
             for d in 1..D {
-                multiply(&mut scratch.product, &scratch.double[d][index % (2 * degree[d] + 1)], len);
-                index /= 2 * degree[d] + 1;
+                outer = simd.mul_f64s(outer, vectors::<S>(&batch.basis[d][rest % orders[d]], len)[at]);
+                rest /= orders[d];
             }
-            for (row, sum) in scratch.double[0].iter().zip(sums) {
-                add_products(&scratch.product, row, len, sum);
-            }
+            difference = simd.mul_add_f64s(outer, sum, difference);
         }
-        // The values of degree 2p are done with; reuse their blocks for those of degree p.
-        for d in 0..D {
-            values_block(degree[d], &scratch.t[d], len, &mut scratch.double[d]);
-        }
-        let n = scratch.columns.len();
-        let inner = degree[0] + 1;
-        for (line, sums) in right.chunks_exact_mut(inner * n).enumerate() {
-            for k in 0..n {
-                scratch.product[..len].copy_from_slice(&scratch.weight[..len]);
-                multiply(&mut scratch.product, &scratch.columns[k], len);
-                let mut index = line;
-                for d in 1..D {
-                    multiply(&mut scratch.product, &scratch.double[d][index % (degree[d] + 1)], len);
-                    index /= degree[d] + 1;
-                }
-                for i in 0..inner {
-                    add_products(&scratch.product, &scratch.double[0][i], len, &mut sums[i * n + k]);
-                }
-            }
-        }
+        squared = simd.mul_add_f64s(difference, difference, squared);
     }
-}
-
-#[inline(always)]
-fn multiply(product: &mut Block, factor: &Block, len: usize) {
-    for (a, b) in product[..len].iter_mut().zip(&factor[..len]) {
-        *a *= b;
-    }
-}
-
-#[inline(always)]
-fn distances_inlined<const D: usize>(
-    points: &SortedPoints<D>,
-    range: Range<usize>,
-    map: &BezierMap<D>,
-    cell: usize,
-    scratch: &mut Scratch<D>,
-    out: &mut [f64],
-) {
-    let corners = map.cell_box(cell);
-    let mut image = vec![[0.0; BLOCK]; points.dim()];
-    for (start, target) in range.clone().step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
-        let len = scratch.load(points, start, target.len(), corners);
-        map.points_block(cell, &scratch.t, len, &mut scratch.basis, &mut image);
-        let squared = &mut scratch.product;
-        squared[..len].fill(0.0);
-        for (value, column) in image.iter().zip(&scratch.columns) {
-            for b in 0..len {
-                let difference = value[b] - column[b];
-                squared[b] += difference * difference;
-            }
-        }
-        for (distance, s) in target.iter_mut().zip(squared.iter()) {
-            *distance = s.sqrt();
-        }
-    }
+    squared
 }

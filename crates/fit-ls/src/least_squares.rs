@@ -31,7 +31,7 @@ pub struct Options<const D: usize> {
 
 impl<const D: usize> Default for Options<D> {
     fn default() -> Self {
-        Self { lambda: Lambda::Auto, quadrature: Quadrature::Exact, lengths: [1.0; D] }
+        Self { lambda: Lambda::Auto { tolerance: f64::INFINITY }, quadrature: Quadrature::Exact, lengths: [1.0; D] }
     }
 }
 
@@ -61,9 +61,13 @@ impl<const D: usize> LeastSquares<D> {
         weights: Option<ArrayView1<'_, f64>>,
         options: Options<D>,
     ) -> Result<Self, Error> {
-        let points = SortedPoints::new(parameters, points, weights)?;
+        Self::of(SortedPoints::new(parameters, points, weights)?, options)
+    }
+
+    /// A problem with points that are sorted in any way.
+    pub(crate) fn of(points: SortedPoints<D>, options: Options<D>) -> Result<Self, Error> {
         let lambda = match options.lambda {
-            Lambda::Auto => None,
+            Lambda::Auto { .. } => None,
             Lambda::Fixed(value) if value.is_finite() && value >= 0.0 => Some(value),
             Lambda::Fixed(value) => return Err(Error::Lambda { value }),
         };
@@ -121,7 +125,7 @@ impl<const D: usize> LeastSquares<D> {
         Ok(&self.errors)
     }
 
-    fn sort(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<(), Error> {
+    pub(crate) fn sort(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<(), Error> {
         if !self.sorted_for.as_ref().is_some_and(|sorted| Arc::ptr_eq(sorted, space)) {
             self.points.sort_refined(space, self.sorted_for.as_deref())?;
             self.sorted_for = Some(space.clone());
@@ -132,9 +136,11 @@ impl<const D: usize> LeastSquares<D> {
     fn solve_timed(&mut self, space: &Arc<HierarchicalSpace<D>>, fixed: &Fixed) -> Result<Solution<D>, Error> {
         let start = Instant::now();
         self.sort(space)?;
-        let lambda = match self.lambda {
-            Some(lambda) => lambda,
-            None => *self.lambda.insert(crate::lambda::choose(&self.points, space, &self.options)?),
+        let lambda = match (self.lambda, self.options.lambda) {
+            (Some(lambda), _) | (None, Lambda::Fixed(lambda)) => lambda,
+            (None, Lambda::Auto { tolerance }) => {
+                *self.lambda.insert(crate::lambda::choose(&self.points, space, &self.options, tolerance)?)
+            }
         };
         let pattern = SymmetricPattern::new(space.as_ref());
         let equations = NormalEquations::new(space.as_ref(), &pattern, &self.points)?;

@@ -3,7 +3,7 @@
 mod model_common;
 
 use geom_io::model::json::{parse_json, write_json};
-use geom_io::model::{Geometry, LengthUnit, Model, ModelErrorKind};
+use geom_io::model::{Geometry, LengthUnit, Model, ModelErrorKind, WriteOptions, read_model, write_model};
 use model_common::{curve, random_map, random_space, sheet};
 use proptest::prelude::*;
 use thb_core::{CellSpace, Kind, SplineMap};
@@ -152,4 +152,28 @@ fn rows_have_one_length() {
     ));
     let infinite = text.replacen("\"coefficients\": [\n[", "\"coefficients\": [\n[1e999,", 1);
     assert!(matches!(parse_json(infinite.as_bytes()), Err(ModelErrorKind::Json { .. })));
+}
+
+#[test]
+fn the_extension_chooses_the_format_and_errors_name_the_file() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("model_json");
+    std::fs::create_dir_all(&folder).unwrap();
+    let model = Model::curve(curve(2), LengthUnit::Inch);
+    let write = |name: &str| write_model(&folder.join(name), &model, &WriteOptions::default());
+    let starts = |name: &str| std::fs::read(folder.join(name)).unwrap()[0];
+    for (name, first) in [("a.json", b'{'), ("a.XML", b'<'), ("a.step", b'I'), ("a.stp", b'I')] {
+        write(name).unwrap();
+        assert_eq!(starts(name), first);
+    }
+    assert_eq!(read_model(&folder.join("a.json")).unwrap().unit, LengthUnit::Inch);
+    assert_eq!(read_model(&folder.join("a.XML")).unwrap().unit, LengthUnit::Inch);
+    let unknown = [write("a.iges").unwrap_err(), read_model(&folder.join("a.step")).unwrap_err()];
+    for error in unknown {
+        assert!(matches!(error.kind, ModelErrorKind::UnknownExtension { .. }));
+    }
+    let missing = read_model(&folder.join("missing.json")).unwrap_err();
+    assert!(matches!(missing.kind, ModelErrorKind::Io(_)) && missing.to_string().contains("missing.json"));
+    let no_folder = write("none/a.json").unwrap_err();
+    assert!(matches!(no_folder.kind, ModelErrorKind::Write(_)));
+    assert_eq!(no_folder.to_string().matches("a.json").count(), 1);
 }

@@ -75,13 +75,13 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn
     tracing::info!(points = points.nrows(), parameterization, tolerance, "parameterized");
 
     let fitting = fit_ls::Options {
-        lambda: options.lambda.0,
+        lambda: options.lambda.resolve(tolerance),
         quadrature: options.energy.quadrature(),
         ..fit_ls::Options::default()
     };
     let mut method = LeastSquares::new(parameters.view(), points.view(), None, fitting)?;
     let space = Arc::new(HierarchicalSpace::new(Kind::Thb, level_zero_knots(&parameters, options)?)?);
-    let outcome = run(&mut method, space, &loop_options(options, tolerance), observer)?;
+    let outcome = run(&mut method, space, &loop_options(options, tolerance, points.nrows()), observer)?;
     let Outcome { map, stop, failure, history: iterations, .. } = outcome;
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
@@ -132,7 +132,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn
     Ok(Fit { model, report, points, parameters, errors, reversed, stop })
 }
 
-fn loop_options(options: &FitOptions, tolerance: f64) -> adaptive::Options<2> {
+fn loop_options(options: &FitOptions, tolerance: f64, points: usize) -> adaptive::Options<2> {
     adaptive::Options {
         tolerance,
         within: options.within,
@@ -142,7 +142,7 @@ fn loop_options(options: &FitOptions, tolerance: f64) -> adaptive::Options<2> {
             admissible: options.admissible,
             max_levels: options.levels,
         },
-        max_dofs: options.max_dofs,
+        max_dofs: options.max_dofs.unwrap_or(points),
         ..adaptive::Options::default()
     }
 }

@@ -30,8 +30,8 @@ pub struct FitOptions {
     pub within: f64,
     /// Largest number of levels, level 0 included.
     pub levels: usize,
-    /// Largest number of control points of the hierarchical surface.
-    pub max_dofs: usize,
+    /// Largest number of control points of the hierarchical surface; `None` for the number of points.
+    pub max_dofs: Option<usize>,
     /// Control points up to which STEP files hold one tensor-product face instead of several.
     pub max_step_control_points: usize,
     /// Which cells are refined.
@@ -62,11 +62,11 @@ impl Default for FitOptions {
             param: ParameterChoice::Auto,
             degree: Pair([3, 3]),
             mesh: Pair([4, 4]),
-            lambda: LambdaChoice(Lambda::Auto),
+            lambda: LambdaChoice::Auto,
             tol: Tolerance::Percent(0.1),
             within: 0.95,
             levels: 7,
-            max_dofs: 100_000,
+            max_dofs: None,
             max_step_control_points: 20_000,
             mark: Mark(Marking::Threshold),
             extension: Pair([2, 2]),
@@ -106,7 +106,7 @@ impl FitOptions {
             Tolerance::Absolute(t) | Tolerance::Percent(t) => t,
         };
         range("--tol", self.tol.to_string(), "a positive number", tolerance.is_finite() && tolerance > 0.0)?;
-        if let Lambda::Fixed(lambda) = self.lambda.0 {
+        if let LambdaChoice::Fixed(lambda) = self.lambda {
             range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)?;
         }
         if let Marking::Share(share) = self.mark.0 {
@@ -280,29 +280,41 @@ impl fmt::Display for Tolerance {
     }
 }
 
-/// The smoothing weight: `auto` or a number.
+/// The smoothing weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LambdaChoice(pub Lambda);
+pub enum LambdaChoice {
+    /// Chosen from the data ([`Lambda::Auto`]).
+    Auto,
+    /// The given number.
+    Fixed(f64),
+}
+
+impl LambdaChoice {
+    /// The choice for a tolerance in the units of the input.
+    pub(crate) fn resolve(self, tolerance: f64) -> Lambda {
+        match self {
+            Self::Auto => Lambda::Auto { tolerance },
+            Self::Fixed(lambda) => Lambda::Fixed(lambda),
+        }
+    }
+}
 
 impl FromStr for LambdaChoice {
     type Err = ParseOptionError;
 
     fn from_str(text: &str) -> Result<Self, ParseOptionError> {
         match text {
-            "auto" => Ok(Self(Lambda::Auto)),
-            number => number
-                .parse()
-                .map(|lambda| Self(Lambda::Fixed(lambda)))
-                .map_err(|_| parse_error(text, "auto, or a number such as 1e-7")),
+            "auto" => Ok(Self::Auto),
+            number => number.parse().map(Self::Fixed).map_err(|_| parse_error(text, "auto, or a number such as 1e-7")),
         }
     }
 }
 
 impl fmt::Display for LambdaChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Lambda::Auto => f.write_str("auto"),
-            Lambda::Fixed(lambda) => write!(f, "{lambda:e}"),
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(lambda) => write!(f, "{lambda:e}"),
         }
     }
 }

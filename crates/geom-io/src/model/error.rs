@@ -22,8 +22,8 @@ pub enum ModelErrorKind {
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
     /// The operating system refused to write.
-    #[error(transparent)]
-    Write(#[from] WriteError),
+    #[error("cannot be written: {0}")]
+    Write(#[source] std::io::Error),
     /// The file name's extension names no model format.
     #[error("unknown extension {extension:?} of a model; supported are {supported}")]
     UnknownExtension {
@@ -193,4 +193,14 @@ pub enum ModelErrorKind {
         /// The tolerance, in the unit of the model.
         tolerance: f64,
     },
+}
+
+impl From<WriteError> for ModelErrorKind {
+    /// Keeps the system's reason; the path stands in [`ModelError`].
+    fn from(error: WriteError) -> Self {
+        match error {
+            WriteError::Io { reason, .. } => Self::Write(reason),
+            other => Self::Write(std::io::Error::other(other)),
+        }
+    }
 }

@@ -27,9 +27,9 @@ use super::{Geometry, LengthUnit, Model, ModelErrorKind};
 use part21::{Id, Part21, list, reals};
 use shell::{Edge, Face, Shell, in_space};
 
-/// Distance below which CAD may take points for the same, as a share of the diagonal of the control points' box. The
-/// rounding of positions is 10⁶ times smaller; the shortest edges, down to a thousandth of the finest cells' size of a
-/// model with 10⁵ of them across, are longer.
+/// Distance below which CAD may take points for the same, and below which an edge counts as collapsed, as a share of the
+/// diagonal of the control points' box. Gaps between edges and faces, which are rounding, are 10⁶ times smaller. Larger
+/// values would make CAD weld the ends of short edges: cells of the finest level can be 10⁻⁵ of the diagonal.
 const UNCERTAINTY_SHARE: f64 = 1e-9;
 
 /// How a model is written to STEP.
@@ -59,7 +59,7 @@ impl Default for StepOptions {
             max_control_points: 20_000,
             flip: false,
             file_name: String::new(),
-            product: "surface".to_owned(),
+            product: "model".to_owned(),
             author: String::new(),
             organization: String::new(),
             time_stamp: "1970-01-01T00:00:00".to_owned(),
