@@ -14,7 +14,7 @@ use crate::{Error, LeastSquares, NormalEquations, Options, SortedPoints};
 pub enum Lambda {
     /// The given number; 0 switches smoothing off.
     Fixed(f64),
-    /// Chosen from the data, among powers of ten times the total weight of the points. Fits of a fine uniform space to
+    /// Chosen from the data, among powers of ten times the total weight of the points. Fits of fine uniform spaces to
     /// nine tenths of the points are compared by the share of the last tenth that they predict within the tolerance.
     /// Weights that predict about as many as the best one are equally good; of these the largest is taken that does not
     /// keep the fitted points from half the tolerance, or else the smallest. So noise is smoothed, and what is no noise
@@ -28,12 +28,19 @@ pub enum Lambda {
 /// Every so many points, one is held out.
 const HOLD_OUT: usize = 10;
 
-/// Points per function of the space in which weights are compared. It should resolve what the final space resolves:
+/// Points per function of the spaces in which weights are compared. They should resolve what the final space resolves:
 /// in a coarse one all small weights look the same.
 const POINTS_PER_FUNCTION: usize = 2;
 
-/// Largest number of elements per direction of that space; its equations are solved once per candidate.
-const MAX_ELEMENTS: usize = 64;
+/// Points in a window. Equations of a window, with half as many unknowns, are solved once per candidate; larger clouds
+/// are judged by `WINDOWS` windows per direction instead of the whole.
+const WINDOW_POINTS: usize = 2500;
+
+/// Windows per direction.
+const WINDOWS: usize = 3;
+
+/// Fewer points than this in a window say nothing.
+const FEWEST_POINTS: usize = 20;
 
 /// Candidates are powers of ten times the total weight of the points, which makes them independent of their number.
 const EXPONENTS: std::ops::RangeInclusive<i32> = -13..=-3;
@@ -55,52 +62,104 @@ pub(crate) fn choose<const D: usize>(
     options: &Options<D>,
     tolerance: f64,
 ) -> Result<f64, Error> {
-    let total = points.total_weight();
-    // Held-out points are spread over the domain, since the points are sorted by cell.
-    let is_held_out = |at: usize| at % HOLD_OUT == HOLD_OUT / 2;
-    let kept: Vec<usize> = (0..points.len()).filter(|&at| !is_held_out(at)).collect();
-    let held_out: Vec<usize> = (0..points.len()).filter(|&at| is_held_out(at)).collect();
-    let smallest = total * 10.0_f64.powi(*EXPONENTS.start());
-    if held_out.is_empty() {
-        return Ok(smallest);
+    let lambdas: Vec<f64> = EXPONENTS.map(|exponent| points.total_weight() * 10.0_f64.powi(exponent)).collect();
+    let mut trials: Vec<Trial> = lambdas.iter().map(|&lambda| Trial { lambda, ..Trial::default() }).collect();
+    for window in windows(space.domain(), points.len()) {
+        let inside: Vec<usize> = (0..points.len()).filter(|&at| contains(&window, points.parameter(at))).collect();
+        if inside.len() >= FEWEST_POINTS {
+            compare(points, &inside, space.degree(), &window, options, &mut trials)?;
+        }
     }
-    let space = Arc::new(comparison_space(space, kept.len())?);
-    let unsmoothed = Options { lambda: Lambda::Fixed(0.0), ..options.clone() };
-    let mut training = LeastSquares::of(subset(points, &kept)?, unsmoothed.clone())?;
-    training.sort(&space)?;
-    let pattern = SymmetricPattern::new(space.as_ref());
-    let equations = NormalEquations::new(space.as_ref(), &pattern, training.points())?;
-    let energy =
-        ThinPlate::scaled(space.degree(), options.quadrature, options.lengths).gram(space.as_ref(), &pattern)?;
-    let mut solver = Cholesky::new(&pattern).map_err(|_| Error::OutOfMemory { functions: space.n_functions() })?;
-    let mut check = LeastSquares::of(subset(points, &held_out)?, unsmoothed)?;
-    let mut trials = Vec::new();
-    for exponent in EXPONENTS {
-        let lambda = total * 10.0_f64.powi(exponent);
-        // Weights too small for the equations to be solved are no candidates.
-        let Ok(coefficients) = penalized(&mut solver, equations.clone(), &energy, lambda, &Vec::new()) else {
-            continue;
-        };
-        let map = SplineMap::new(space.clone(), coefficients)?;
-        let mut predicted = check.distances(&map)?.to_vec();
-        predicted.sort_unstable_by(f64::total_cmp);
-        let mut fitted = training.distances(&map)?.to_vec();
-        fitted.sort_unstable_by(f64::total_cmp);
-        trials.push((lambda, predicted, fitted));
+    // Weights too small for the equations to be solved are no candidates.
+    trials.retain(|trial| !trial.failed && !trial.predicted.is_empty());
+    for trial in &mut trials {
+        trial.predicted.sort_unstable_by(f64::total_cmp);
+        trial.fitted.sort_unstable_by(f64::total_cmp);
     }
-    let medians = trials.iter().map(|(_, predicted, _)| predicted[predicted.len() / 2]);
+    let medians = trials.iter().map(|trial| trial.predicted[trial.predicted.len() / 2]);
     let met = if tolerance.is_finite() { tolerance } else { 2.0 * medians.fold(f64::INFINITY, f64::min) };
     let share = |sorted: &[f64], limit: f64| sorted.partition_point(|&e| e <= limit) as f64 / sorted.len() as f64;
     let candidates: Vec<Candidate> = trials
         .iter()
-        .map(|(lambda, predicted, fitted)| Candidate {
-            lambda: *lambda,
-            predicted: share(predicted, met),
-            fitted: share(fitted, TOLERANCE_SHARE * met),
+        .map(|trial| Candidate {
+            lambda: trial.lambda,
+            predicted: share(&trial.predicted, met),
+            fitted: share(&trial.fitted, TOLERANCE_SHARE * met),
         })
         .collect();
     tracing::debug!(?candidates, "smoothing weights");
-    Ok(select(&candidates).unwrap_or(smallest))
+    Ok(select(&candidates).unwrap_or(lambdas[0]))
+}
+
+/// A box of parameters, by its corners.
+type Window<const D: usize> = ([f64; D], [f64; D]);
+
+/// The whole domain, or for large clouds a few windows spread over it.
+fn windows<const D: usize>((lower, upper): Window<D>, points: usize) -> Vec<Window<D>> {
+    let count = WINDOWS.pow(D as u32);
+    if points <= count * WINDOW_POINTS {
+        return vec![(lower, upper)];
+    }
+    let edge = (WINDOW_POINTS as f64 / points as f64).powf(1.0 / D as f64);
+    (0..count)
+        .map(|linear| {
+            let corner = |d: usize, side: f64| {
+                let centre = ((linear / WINDOWS.pow(d as u32) % WINDOWS) as f64 + 0.5) / WINDOWS as f64;
+                lower[d] + (upper[d] - lower[d]) * (centre + side * edge)
+            };
+            (std::array::from_fn(|d| corner(d, -0.5)), std::array::from_fn(|d| corner(d, 0.5)))
+        })
+        .collect()
+}
+
+fn contains<const D: usize>((lower, upper): &Window<D>, u: [f64; D]) -> bool {
+    (0..D).all(|d| (lower[d]..=upper[d]).contains(&u[d]))
+}
+
+/// Errors with one weight, over all windows.
+#[derive(Clone, Debug, Default)]
+struct Trial {
+    lambda: f64,
+    /// Errors at held-out points.
+    predicted: Vec<f64>,
+    /// Errors at the points that were fitted.
+    fitted: Vec<f64>,
+    failed: bool,
+}
+
+/// Fits the points of a window with each weight and adds their errors to the trials.
+fn compare<const D: usize>(
+    points: &SortedPoints<D>,
+    inside: &[usize],
+    degree: [usize; D],
+    window: &Window<D>,
+    options: &Options<D>,
+    trials: &mut [Trial],
+) -> Result<(), Error> {
+    // Held-out points are spread over the window, since the points are sorted by cell.
+    let (held_out, kept): (Vec<_>, Vec<_>) = inside.iter().enumerate().partition(|(k, _)| k % HOLD_OUT == HOLD_OUT / 2);
+    let of = |chosen: Vec<(usize, &usize)>| chosen.into_iter().map(|(_, &at)| at).collect::<Vec<_>>();
+    let (held_out, kept) = (of(held_out), of(kept));
+    let space = Arc::new(comparison_space(degree, window, kept.len())?);
+    let unsmoothed = Options { lambda: Lambda::Fixed(0.0), ..options.clone() };
+    let mut training = LeastSquares::of(subset(points, &kept)?, unsmoothed.clone())?;
+    let mut check = LeastSquares::of(subset(points, &held_out)?, unsmoothed)?;
+    training.sort(&space)?;
+    let pattern = SymmetricPattern::new(space.as_ref());
+    let equations = NormalEquations::new(space.as_ref(), &pattern, training.points())?;
+    let energy = ThinPlate::scaled(degree, options.quadrature, options.lengths).gram(space.as_ref(), &pattern)?;
+    let mut solver = Cholesky::new(&pattern).map_err(|_| Error::OutOfMemory { functions: space.n_functions() })?;
+    for trial in trials {
+        match penalized(&mut solver, equations.clone(), &energy, trial.lambda, &Vec::new()) {
+            Ok(coefficients) => {
+                let map = SplineMap::new(space.clone(), coefficients)?;
+                trial.predicted.extend_from_slice(check.distances(&map)?);
+                trial.fitted.extend_from_slice(training.distances(&map)?);
+            }
+            Err(_) => trial.failed = true,
+        }
+    }
+    Ok(())
 }
 
 /// A weight, the share of the held-out points that it predicts within the tolerance, and that of the fitted points which
@@ -120,18 +179,17 @@ fn select(candidates: &[Candidate]) -> Option<f64> {
     good.iter().rev().find(|c| c.fitted >= most - LOST_POINTS).map(|c| c.lambda)
 }
 
-/// A tensor-product space on the domain of `space`, with a number of functions that suits the number of points.
+/// A tensor-product space on a window, with a number of functions that suits the number of points.
 fn comparison_space<const D: usize>(
-    space: &HierarchicalSpace<D>,
+    degree: [usize; D],
+    (lower, upper): &Window<D>,
     points: usize,
 ) -> Result<HierarchicalSpace<D>, Error> {
     let per_direction = (points as f64 / POINTS_PER_FUNCTION as f64).powf(1.0 / D as f64) as usize;
-    let (lower, upper) = space.domain();
     let mut knots = Vec::with_capacity(D);
     for d in 0..D {
-        let degree = space.degree()[d];
-        let elements = per_direction.saturating_sub(degree).clamp(1, MAX_ELEMENTS);
-        knots.push(KnotVector::uniform(degree, elements)?.on_interval(lower[d], upper[d])?);
+        let elements = per_direction.saturating_sub(degree[d]).max(1);
+        knots.push(KnotVector::uniform(degree[d], elements)?.on_interval(lower[d], upper[d])?);
     }
     Ok(HierarchicalSpace::new(Kind::Thb, std::array::from_fn(|d| knots[d].clone()))?)
 }
