@@ -59,7 +59,7 @@ impl NormalEquations {
         space: &S,
         points: &SortedPoints<D>,
         cells: Range<usize>,
-        expansion: &Expansion<D>,
+        expansion: &Expansion,
     ) {
         let tasks: Vec<(usize, Range<usize>)> = cells
             .flat_map(|cell| {
@@ -119,42 +119,31 @@ impl NormalEquations {
 
 /// From moments of degree 2p to the products of Bernstein polynomials of degree p:
 /// `B_i B_j = C(p,i) C(p,j) / C(2p,i+j) · B^{2p}_{i+j}` in each direction.
-struct Expansion<const D: usize> {
-    degree: [usize; D],
-    factors: [Vec<f64>; D],
+struct Expansion {
+    /// For each entry of the matrix the moment and its factor.
+    entries: Vec<(usize, f64)>,
 }
 
-impl<const D: usize> Expansion<D> {
-    fn new(degree: [usize; D]) -> Self {
-        let factors = degree.map(|p| {
-            (0..(p + 1) * (p + 1))
-                .map(|k| {
-                    let (i, j) = (k / (p + 1), k % (p + 1));
-                    binomial(p, i) * binomial(p, j) / binomial(2 * p, i + j)
-                })
-                .collect()
-        });
-        Self { degree, factors }
+impl Expansion {
+    fn new<const D: usize>(degree: [usize; D]) -> Self {
+        let n_local: usize = degree.iter().map(|p| p + 1).product();
+        let entry = |k: usize| {
+            let (mut i, mut j) = (k / n_local, k % n_local);
+            let (mut moment, mut stride, mut factor) = (0, 1, 1.0);
+            for p in degree {
+                let (a, b) = (i % (p + 1), j % (p + 1));
+                (i, j) = (i / (p + 1), j / (p + 1));
+                moment += (a + b) * stride;
+                stride *= 2 * p + 1;
+                factor *= binomial(p, a) * binomial(p, b) / binomial(2 * p, a + b);
+            }
+            (moment, factor)
+        };
+        Self { entries: (0..n_local * n_local).map(entry).collect() }
     }
 
+    /// The matrix `Σ ω B Bᵀ`, `(n_local, n_local)`.
     fn matrix(&self, moments: &[f64]) -> Vec<f64> {
-        let n_local: usize = self.degree.iter().map(|p| p + 1).product();
-        let mut matrix = Vec::with_capacity(n_local * n_local);
-        for row in 0..n_local {
-            for column in 0..n_local {
-                let (mut i, mut j) = (row, column);
-                let (mut at, mut stride, mut factor) = (0, 1, 1.0);
-                for d in 0..D {
-                    let order = self.degree[d] + 1;
-                    let (a, b) = (i % order, j % order);
-                    (i, j) = (i / order, j / order);
-                    at += (a + b) * stride;
-                    stride *= 2 * self.degree[d] + 1;
-                    factor *= self.factors[d][a * order + b];
-                }
-                matrix.push(factor * moments[at]);
-            }
-        }
-        matrix
+        self.entries.iter().map(|&(moment, factor)| factor * moments[moment]).collect()
     }
 }

@@ -1,6 +1,9 @@
 //! The thin-plate energy, cell by cell.
 
+use rayon::prelude::*;
+
 use crate::bernstein::{inner_products, inner_products_gauss};
+use crate::tensor::unravel;
 use crate::{Cell, CellSpace, Error, SymmetricMatrix, SymmetricPattern};
 
 /// How the integrals of the energy are computed.
@@ -21,9 +24,21 @@ pub enum Quadrature {
 pub struct ThinPlate<const D: usize> {
     degree: [usize; D],
     lengths: [f64; D],
-    /// Inner products of derivatives of order 0, 1, 2 on the unit interval, per direction.
-    products: [[Vec<f64>; 3]; D],
+    /// For each pair of directions its matrix on the unit box.
+    terms: Vec<Term<D>>,
 }
+
+/// `∫ |∂_a ∂_b s|²` on the unit box, both orders of `a ≠ b` counted.
+#[derive(Clone, Debug)]
+struct Term<const D: usize> {
+    /// Order of the derivative per direction.
+    orders: [usize; D],
+    /// `(n_local, n_local)`, in the Bernstein basis.
+    matrix: Vec<f64>,
+}
+
+/// Cells whose matrices are held in memory at a time.
+const BATCH: usize = 1 << 12;
 
 impl<const D: usize> ThinPlate<D> {
     /// The energy for a degree, on the parameters as they are.
@@ -33,41 +48,35 @@ impl<const D: usize> ThinPlate<D> {
 
     /// The energy with lengths per direction.
     pub fn scaled(degree: [usize; D], quadrature: Quadrature, lengths: [f64; D]) -> Self {
-        let products = degree.map(|p| {
+        // Inner products of derivatives of order 0, 1, 2 on the unit interval, per direction.
+        let products: [[Vec<f64>; 3]; D] = degree.map(|p| {
             [0, 1, 2].map(|order| match quadrature {
                 Quadrature::Exact => inner_products(p, order, order),
                 Quadrature::GaussP => inner_products_gauss(p, order, order, p),
             })
         });
-        Self { degree, lengths, products }
+        let counts = degree.map(|p| p + 1);
+        let n_local: usize = counts.iter().product();
+        let mut terms = Vec::new();
+        for (a, b) in (0..D).flat_map(|a| (a..D).map(move |b| (a, b))) {
+            let orders: [usize; D] = std::array::from_fn(|d| usize::from(d == a) + usize::from(d == b));
+            let mixed = if a == b { 1.0 } else { 2.0 };
+            let entry = |k: usize| {
+                let (row, column) = (unravel(k / n_local, counts), unravel(k % n_local, counts));
+                mixed * (0..D).map(|d| products[d][orders[d]][row[d] * counts[d] + column[d]]).product::<f64>()
+            };
+            terms.push(Term { orders, matrix: (0..n_local * n_local).map(entry).collect() });
+        }
+        Self { degree, lengths, terms }
     }
 
     /// Adds `factor` times the energy's matrix in the Bernstein basis of a box with the given edge lengths to `matrix`,
     /// `(n_local, n_local)`.
     pub fn add_bernstein_matrix(&self, size: [f64; D], factor: f64, matrix: &mut [f64]) {
-        let scaled: [f64; D] = std::array::from_fn(|d| size[d] * self.lengths[d]);
-        for a in 0..D {
-            for b in a..D {
-                let orders: [usize; D] = std::array::from_fn(|d| usize::from(d == a) + usize::from(d == b));
-                let mixed = if a == b { 1.0 } else { 2.0 };
-                // ∫ over an edge of length h of derivatives of order r: h^{1−2r} times the one on the unit interval.
-                let scale = (0..D).map(|d| scaled[d].powi(1 - 2 * orders[d] as i32)).product::<f64>();
-                self.add_product(orders, factor * mixed * scale, matrix);
-            }
-        }
-    }
-
-    fn add_product(&self, orders: [usize; D], factor: f64, matrix: &mut [f64]) {
-        let counts = self.degree.map(|p| p + 1);
-        let n_local: usize = counts.iter().product();
-        for i in 0..n_local {
-            let row = crate::tensor::unravel(i, counts);
-            for j in 0..n_local {
-                let column = crate::tensor::unravel(j, counts);
-                let product: f64 =
-                    (0..D).map(|d| self.products[d][orders[d]][row[d] * counts[d] + column[d]]).product();
-                matrix[i * n_local + j] += factor * product;
-            }
+        for term in &self.terms {
+            // Along an edge of length h, derivatives of order r bring h^{1−2r} times the integral on the unit interval.
+            let scale: f64 = (0..D).map(|d| (size[d] * self.lengths[d]).powi(1 - 2 * term.orders[d] as i32)).product();
+            matrix.iter_mut().zip(&term.matrix).for_each(|(entry, unit)| *entry += factor * scale * unit);
         }
     }
 
@@ -90,11 +99,20 @@ impl<const D: usize> ThinPlate<D> {
             }
         }
         let mut matrix = SymmetricMatrix::zeros(pattern);
-        let (mut local, mut scratch) = (Vec::new(), Vec::new());
-        for number in 0..space.n_cells() {
-            let cell = space.cell(number);
-            self.cell_matrix(&cell, &mut local, &mut scratch);
-            matrix.add_cell(cell.functions, &local);
+        for first in (0..space.n_cells()).step_by(BATCH) {
+            let cells = first..(first + BATCH).min(space.n_cells());
+            let local: Vec<Vec<f64>> = cells
+                .clone()
+                .into_par_iter()
+                .map_init(Vec::new, |scratch, number| {
+                    let mut local = Vec::new();
+                    self.cell_matrix(&space.cell(number), &mut local, scratch);
+                    local
+                })
+                .collect();
+            for (number, local) in cells.zip(local) {
+                matrix.add_cell(space.cell(number).functions, &local);
+            }
         }
         Ok(matrix)
     }
