@@ -15,10 +15,9 @@ pub enum Lambda {
     /// The given number; 0 switches smoothing off.
     Fixed(f64),
     /// Chosen from the data, among powers of ten times the total weight of the points. Fits of fine uniform spaces to
-    /// nine tenths of the points are compared by the share of the last tenth that they predict within the tolerance.
-    /// Weights that predict about as many as the best one are equally good; of these the largest is taken that does not
-    /// keep the fitted points from half the tolerance, or else the smallest. So noise is smoothed, and what is no noise
-    /// is not flattened.
+    /// nine tenths of the points are compared by how well they predict the last tenth. Weights that predict about as
+    /// well as the best one are equally good; of these the largest is taken that does not keep the fitted points from
+    /// half the tolerance. So noise is smoothed, voids are spanned calmly, and what is no noise is not flattened.
     Auto {
         /// Distance up to which a point counts as met; infinity for twice the median error of the best prediction.
         tolerance: f64,
@@ -45,15 +44,15 @@ const FEWEST_POINTS: usize = 20;
 /// Candidates are powers of ten times the total weight of the points, which makes them independent of their number.
 const EXPONENTS: std::ops::RangeInclusive<i32> = -13..=-3;
 
-/// Weights that predict this share of the points less than the best one are as good: about one standard deviation of the
-/// share of a few hundred points.
-const SLACK: f64 = 0.02;
+/// Weights whose root mean squared prediction error exceeds the smallest by less than this factor are as good. Points
+/// next to voids dominate that error; a closer comparison would smooth all of the surface for their sake.
+const SLACK: f64 = 1.25;
 
 /// Smoothing may use up this share of the tolerance; the rest is left to the coarseness of the adaptive space.
 const TOLERANCE_SHARE: f64 = 0.5;
 
 /// Share of the fitted points that smoothing may keep from that part of the tolerance.
-const LOST_POINTS: f64 = 0.01;
+const LOST_POINTS: f64 = 0.02;
 
 /// Chooses λ for points sorted by the cells of `space`.
 pub(crate) fn choose<const D: usize>(
@@ -83,7 +82,7 @@ pub(crate) fn choose<const D: usize>(
         .iter()
         .map(|trial| Candidate {
             lambda: trial.lambda,
-            predicted: share(&trial.predicted, met),
+            error: (trial.predicted.iter().map(|e| e * e).sum::<f64>() / trial.predicted.len() as f64).sqrt(),
             fitted: share(&trial.fitted, TOLERANCE_SHARE * met),
         })
         .collect();
@@ -162,19 +161,19 @@ fn compare<const D: usize>(
     Ok(())
 }
 
-/// A weight, the share of the held-out points that it predicts within the tolerance, and that of the fitted points which
-/// it leaves within half of it.
+/// A weight, its root mean squared error at held-out points, and the share of the fitted points that it leaves within
+/// half the tolerance.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     lambda: f64,
-    predicted: f64,
+    error: f64,
     fitted: f64,
 }
 
 /// The rule of [`Lambda::Auto`] for candidates in increasing order.
 fn select(candidates: &[Candidate]) -> Option<f64> {
-    let best = candidates.iter().map(|c| c.predicted).fold(0.0, f64::max);
-    let good: Vec<_> = candidates.iter().filter(|c| c.predicted >= best - SLACK).collect();
+    let best = candidates.iter().map(|c| c.error).fold(f64::INFINITY, f64::min);
+    let good: Vec<_> = candidates.iter().filter(|c| c.error <= SLACK * best).collect();
     let most = good.iter().map(|c| c.fitted).fold(0.0, f64::max);
     good.iter().rev().find(|c| c.fitted >= most - LOST_POINTS).map(|c| c.lambda)
 }
@@ -205,20 +204,20 @@ fn subset<const D: usize>(points: &SortedPoints<D>, chosen: &[usize]) -> Result<
 mod tests {
     use super::*;
 
-    fn candidate(lambda: f64, predicted: f64, fitted: f64) -> Candidate {
-        Candidate { lambda, predicted, fitted }
+    fn candidate(lambda: f64, error: f64, fitted: f64) -> Candidate {
+        Candidate { lambda, error, fitted }
     }
 
     #[test]
     fn the_largest_harmless_weight_is_taken() {
         // Without noise: small weights are equal, larger ones flatten.
         let clean =
-            [candidate(1.0, 0.9, 1.0), candidate(2.0, 0.9, 0.995), candidate(3.0, 0.89, 0.9), candidate(4.0, 0.3, 0.1)];
+            [candidate(1.0, 0.1, 1.0), candidate(2.0, 0.1, 0.995), candidate(3.0, 0.11, 0.9), candidate(4.0, 1.0, 0.1)];
         assert_eq!(select(&clean), Some(2.0));
-        // Noise beyond the tolerance: small weights follow the noise and predict less.
+        // Noise beyond the tolerance: small weights follow the noise and predict worse.
         let noisy =
-            [candidate(1.0, 0.3, 0.9), candidate(2.0, 0.5, 0.4), candidate(3.0, 0.51, 0.35), candidate(4.0, 0.2, 0.1)];
-        assert_eq!(select(&noisy), Some(2.0));
+            [candidate(1.0, 0.3, 0.9), candidate(2.0, 0.12, 0.4), candidate(3.0, 0.1, 0.395), candidate(4.0, 0.2, 0.1)];
+        assert_eq!(select(&noisy), Some(3.0));
         assert_eq!(select(&[]), None);
     }
 }
