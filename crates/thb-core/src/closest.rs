@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 
+use crate::space::for_each_line;
 use crate::{BezierMap, Error};
 
 /// A point of the map that is closest to a query.
@@ -20,15 +22,29 @@ pub struct ClosestPoint<const D: usize> {
 
 /// Closest-point queries on one map into R^N, N ≤ 3.
 ///
-/// Cells are searched in the order of the distance to the boxes around their control points, which bound the distance
-/// from below, until no box is nearer than the best point. Within a cell Newton's method, with a trust in decreasing
-/// distance only, starts from the nearest of a few samples: the result is a stationary point, and the global minimum
-/// unless one cell holds several minima that the samples cannot tell apart.
+/// The cells are cut into pieces small enough to hold one minimum each in all usual cases. Pieces are searched in the
+/// order of the distance to the boxes around their control points, which bound the distance from below, until no box is
+/// nearer than the best point. From the middle of a piece Newton's method descends within it, in decreasing distance only.
 #[derive(Clone, Debug)]
 pub struct ClosestPoints<const D: usize> {
     map: Arc<BezierMap<D>>,
-    boxes: RTree<GeomWithData<Rectangle<[f64; 3]>, usize>>,
+    boxes: RTree<GeomWithData<Rectangle<[f64; 3]>, Piece<D>>>,
 }
+
+/// A part of a cell, in local coordinates of the cell (0 to 1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Piece<const D: usize> {
+    cell: usize,
+    middle: [f64; D],
+    half_edge: [f64; D],
+}
+
+/// Shortest half edge of a piece, 1/32 of a cell: folds are cut into at most 256 pieces a cell.
+const SHORTEST_HALF_EDGE: f64 = 1.0 / 32.0;
+
+/// Pieces are cut while legs of the control net along a direction turn by more than 30° from their mean: below that
+/// the tangents of a piece span less than a right angle.
+const COS_TURN: f64 = 0.866;
 
 /// Newton steps per start; convergence is quadratic, and damped steps halve the distance to the minimum at worst.
 const MAX_STEPS: usize = 30;
@@ -45,17 +61,20 @@ impl<const D: usize> ClosestPoints<D> {
         if map.dim() > 3 {
             return Err(Error::Shape { what: "dimension of the image", given: map.dim(), expected: 3 });
         }
-        let boxes = (0..map.n_cells())
-            .map(|cell| {
-                let (mut lower, mut upper) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-                for point in map.cell_coefficients(cell).chunks_exact(map.dim()) {
-                    let point = padded(point);
-                    for k in 0..3 {
-                        lower[k] = lower[k].min(point[k]);
-                        upper[k] = upper[k].max(point[k]);
+        let boxes: Vec<_> = (0..map.n_cells())
+            .into_par_iter()
+            .flat_map_iter(|cell| {
+                let mut boxed = Vec::new();
+                let whole = Piece { cell, middle: [0.5; D], half_edge: [0.5; D] };
+                let mut stack = vec![(map.cell_coefficients(cell).to_vec(), whole)];
+                while let Some((points, piece)) = stack.pop() {
+                    let bent = |d: &usize| piece.half_edge[*d] > SHORTEST_HALF_EDGE && turns(&map, &points, *d);
+                    match (0..D).find(bent) {
+                        Some(d) => stack.extend(halves(&map, points, piece, d)),
+                        None => boxed.push(GeomWithData::new(bounding_box(&points, map.dim()), piece)),
                     }
                 }
-                GeomWithData::new(Rectangle::from_aabb(AABB::from_corners(lower, upper)), cell)
+                boxed
             })
             .collect();
         Ok(Self { boxes: RTree::bulk_load(boxes), map })
@@ -71,7 +90,7 @@ impl<const D: usize> ClosestPoints<D> {
     pub fn closest_from(&self, query: &[f64], cell: usize, u: [f64; D]) -> ClosestPoint<D> {
         let (lower, upper) = self.map.cell_box(cell);
         let start = std::array::from_fn(|d| ((u[d] - lower[d]) / (upper[d] - lower[d])).clamp(0.0, 1.0));
-        self.search(query, self.descend(query, cell, start))
+        self.search(query, self.descend(query, cell, start, [(0.0, 1.0); D]))
     }
 
     fn search(&self, query: &[f64], mut best: ClosestPoint<D>) -> ClosestPoint<D> {
@@ -79,7 +98,9 @@ impl<const D: usize> ClosestPoints<D> {
             if bound >= best.distance * best.distance {
                 break;
             }
-            let found = self.in_cell(query, near.data);
+            let Piece { cell, middle, half_edge } = near.data;
+            let range = std::array::from_fn(|d| (middle[d] - half_edge[d], middle[d] + half_edge[d]));
+            let found = self.descend(query, cell, middle, range);
             if found.distance < best.distance {
                 best = found;
             }
@@ -87,27 +108,8 @@ impl<const D: usize> ClosestPoints<D> {
         best
     }
 
-    fn in_cell(&self, query: &[f64], cell: usize) -> ClosestPoint<D> {
-        // One sample more than the degree tells the minima of a polynomial of that degree apart in all usual cases.
-        let samples = self.map.degree().map(|p| p + 2);
-        let mut start = ([0.5; D], f64::INFINITY);
-        let mut point = vec![0.0; self.map.dim()];
-        for linear in 0..samples.iter().product() {
-            let index = crate::tensor::unravel(linear, samples);
-            let t = std::array::from_fn(|d| index[d] as f64 / (samples[d] - 1) as f64);
-            let (lower, upper) = self.map.cell_box(cell);
-            let u = std::array::from_fn(|d| lower[d] + t[d] * (upper[d] - lower[d]));
-            self.map.derivative(cell, u, [0; D], &mut point);
-            let squared = distance_squared(&point, query);
-            if squared < start.1 {
-                start = (t, squared);
-            }
-        }
-        self.descend(query, cell, start.0)
-    }
-
-    /// Newton's method for half the squared distance on one cell, in local coordinates, clamped to the cell.
-    fn descend(&self, query: &[f64], cell: usize, start: [f64; D]) -> ClosestPoint<D> {
+    /// Newton's method for half the squared distance on one cell, in local coordinates, within a range per direction.
+    fn descend(&self, query: &[f64], cell: usize, start: [f64; D], range: [(f64, f64); D]) -> ClosestPoint<D> {
         let (lower, upper) = self.map.cell_box(cell);
         let global = |t: [f64; D]| -> [f64; D] {
             std::array::from_fn(|d| if t[d] == 1.0 { upper[d] } else { lower[d] + t[d] * (upper[d] - lower[d]) })
@@ -116,8 +118,8 @@ impl<const D: usize> ClosestPoints<D> {
         let mut local = Local::at(&self.map, cell, global(t), query);
         let mut damping = 0.0;
         for _ in 0..MAX_STEPS {
-            let Some(step) = local.step(t, damping) else { break };
-            let candidate: [f64; D] = std::array::from_fn(|d| (t[d] + step[d]).clamp(0.0, 1.0));
+            let Some(step) = local.step(t, range, damping) else { break };
+            let candidate: [f64; D] = std::array::from_fn(|d| (t[d] + step[d]).clamp(range[d].0, range[d].1));
             let moved = (0..D).map(|d| (candidate[d] - t[d]).abs()).fold(0.0, f64::max);
             if moved < STEP_TOLERANCE {
                 break;
@@ -183,9 +185,9 @@ impl<const D: usize> Local<D> {
     }
 
     /// The Newton step in the directions that are free to move, with the metric in place of an indefinite Hessian.
-    fn step(&self, t: [f64; D], damping: f64) -> Option<[f64; D]> {
+    fn step(&self, t: [f64; D], range: [(f64, f64); D], damping: f64) -> Option<[f64; D]> {
         let free: [bool; D] = std::array::from_fn(|d| {
-            !(t[d] <= 0.0 && self.gradient[d] >= 0.0 || t[d] >= 1.0 && self.gradient[d] <= 0.0)
+            !(t[d] <= range[d].0 && self.gradient[d] >= 0.0 || t[d] >= range[d].1 && self.gradient[d] <= 0.0)
         });
         solve_positive(&self.hessian, &self.gradient, free, damping)
             .or_else(|| solve_positive(&self.metric, &self.gradient, free, damping))
@@ -234,8 +236,57 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn distance_squared(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum()
+/// Whether the legs of the control net along direction `d` turn by more than `COS_TURN` allows.
+fn turns<const D: usize>(map: &BezierMap<D>, points: &[f64], d: usize) -> bool {
+    let n = map.dim();
+    let stride = n * map.degree()[..d].iter().map(|p| p + 1).product::<usize>();
+    let order = map.degree()[d] + 1;
+    let along = |at: usize| at / stride % order;
+    let starts = (0..points.len()).step_by(n).filter(|&at| along(at) + 1 < order);
+    let legs: Vec<[f64; 3]> = starts
+        .map(|at| std::array::from_fn(|k| if k < n { points[at + stride + k] - points[at + k] } else { 0.0 }))
+        .collect();
+    let mean = legs.iter().fold([0.0; 3], |sum, leg| std::array::from_fn(|k| sum[k] + leg[k]));
+    let length = dot(&mean, &mean).sqrt();
+    legs.iter().any(|leg| dot(leg, &mean) < COS_TURN * length * dot(leg, leg).sqrt())
+}
+
+/// Cuts a piece in two along direction `d`, by de Casteljau's algorithm at its middle.
+fn halves<const D: usize>(
+    map: &BezierMap<D>,
+    points: Vec<f64>,
+    piece: Piece<D>,
+    d: usize,
+) -> [(Vec<f64>, Piece<D>); 2] {
+    let (mut left, mut right) = (points.clone(), points);
+    for_each_line(&map.degree(), map.dim(), d, |start, stride, order| {
+        for step in 1..order {
+            // Ends that are final: `right` shrinks towards its last point, `left` takes the first of each round.
+            for i in 0..order - step {
+                let at = start + i * stride;
+                right[at] = 0.5 * (right[at] + right[at + stride]);
+            }
+            left[start + step * stride] = right[start];
+        }
+    });
+    let half = |sign: f64| {
+        let mut half = piece;
+        half.half_edge[d] *= 0.5;
+        half.middle[d] += sign * half.half_edge[d];
+        half
+    };
+    [(left, half(-1.0)), (right, half(1.0))]
+}
+
+fn bounding_box(points: &[f64], n: usize) -> Rectangle<[f64; 3]> {
+    let (mut lower, mut upper) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for point in points.chunks_exact(n).map(padded) {
+        for k in 0..3 {
+            lower[k] = lower[k].min(point[k]);
+            upper[k] = upper[k].max(point[k]);
+        }
+    }
+    Rectangle::from_aabb(AABB::from_corners(lower, upper))
 }
 
 fn padded(point: &[f64]) -> [f64; 3] {
