@@ -46,7 +46,10 @@ fn measure(m: usize) -> Result<(), Failure> {
     let whole = start.elapsed().as_secs_f64();
 
     println!("{m} points, {} thread(s)", rayon::current_num_threads());
-    println!("{:>5} {:>13} {:>13} {:>9} {:>9} {:>9} {:>9}", "dofs", "max", "mse", "assemble", "solve", "estimate", "refine");
+    println!(
+        "{:>5} {:>13} {:>13} {:>9} {:>9} {:>9} {:>9}",
+        "dofs", "max", "mse", "assemble", "solve", "estimate", "refine"
+    );
     for Iteration { dofs, deviation, seconds, .. } in &outcome.history {
         println!("{dofs:5} {:13.6e} {:13.6e} {}", deviation.max, deviation.mse, columns(*seconds));
     }

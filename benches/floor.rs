@@ -172,7 +172,8 @@ impl<const ORDER: usize> Points<ORDER> {
     /// Squared distances of one vector of points to a polynomial.
     #[inline(always)]
     fn squared_distance<S: Simd>(&self, simd: S, coefficients: &[f64], len: usize, at: usize) -> S::f64s {
-        let basis: [[S::f64s; ORDER]; 2] = [0, 1].map(|d| std::array::from_fn(|i| vectors::<S>(&self.basis[d][i], len)[at]));
+        let basis: [[S::f64s; ORDER]; 2] =
+            [0, 1].map(|d| std::array::from_fn(|i| vectors::<S>(&self.basis[d][i], len)[at]));
         let mut squared = simd.splat_f64s(0.0);
         for k in 0..3 {
             let mut difference = simd.neg_f64s(vectors::<S>(&self.xyz[k], len)[at]);
@@ -286,7 +287,13 @@ fn add_outer<S: Simd, const M: usize, const N: usize>(
 }
 
 #[inline(always)]
-fn add_columns<S: Simd, const M: usize, const N: usize>(simd: S, a: &[Block], b: &[Block; N], len: usize, sums: &mut [[Lanes; N]]) {
+fn add_columns<S: Simd, const M: usize, const N: usize>(
+    simd: S,
+    a: &[Block],
+    b: &[Block; N],
+    len: usize,
+    sums: &mut [[Lanes; N]],
+) {
     match N {
         10 => {
             add_tile::<S, M, 5, N>(simd, a, &b[..5], len, sums, 0);
@@ -380,7 +387,6 @@ impl<const ORDER: usize> WithSimd for Evaluate<'_, ORDER> {
         }
     }
 }
-
 
 #[cfg(test)]
 mod tests {

@@ -57,13 +57,8 @@ pub fn coarse(degree: usize) -> Result<Arc<HierarchicalSpace<2>>, Failure> {
 ///
 /// # Errors
 /// Those of the method.
-pub fn adapt(
-    method: &mut LeastSquares<2>,
-    degree: usize,
-    dofs: usize,
-) -> Result<Outcome<2, fit_ls::Error>, Failure> {
+pub fn adapt(method: &mut LeastSquares<2>, degree: usize, dofs: usize) -> Result<Outcome<2, fit_ls::Error>, Failure> {
     let options = adaptive::Options { tolerance: 1e-4, within: 1.0, max_iterations: SOLVES, ..Default::default() };
-    let mut enough =
-        |i: &Iteration| if i.dofs >= dofs { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let mut enough = |i: &Iteration| if i.dofs >= dofs { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
     Ok(run(method, coarse(degree)?, &options, &mut enough)?)
 }

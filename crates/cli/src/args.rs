@@ -59,7 +59,7 @@ pub(crate) enum Command {
         /// Cloud or mesh; its points are compared.
         cloud: PathBuf,
         /// Distance that counts as within tolerance; % of the cloud's diagonal.
-        #[arg(long, default_value_t = FitOptions::default().tol)]
+        #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true)]
         tol: Tolerance,
     },
     /// What a file holds, as JSON on standard output.
@@ -125,17 +125,17 @@ pub(crate) struct FitArgs {
     mesh: Pair,
     /// Smoothing weight: auto (by error on held-out points, within the tolerance) or a number. It multiplies the thin-plate energy G in
     /// BᵀWB + λG.
-    #[arg(long, default_value_t = FitOptions::default().lambda, help_heading = "What is fitted")]
+    #[arg(long, default_value_t = FitOptions::default().lambda, allow_hyphen_values = true, help_heading = "What is fitted")]
     lambda: LambdaChoice,
     /// Integration of the energy: exact, or gauss-p as in G+Smo.
     #[arg(long, default_value_t = FitOptions::default().energy, help_heading = "What is fitted")]
     energy: Energy,
 
     /// Tolerance, a length in the units of the input or a percentage of the bounding box diagonal.
-    #[arg(long, default_value_t = FitOptions::default().tol, help_heading = "When it is good enough")]
+    #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true, help_heading = "When it is good enough")]
     tol: Tolerance,
     /// Share of the points that must be within the tolerance; 1 for all.
-    #[arg(long, default_value_t = FitOptions::default().within, help_heading = "When it is good enough")]
+    #[arg(long, default_value_t = FitOptions::default().within, allow_hyphen_values = true, help_heading = "When it is good enough")]
     within: f64,
     /// Largest number of levels; level 0 counts.
     #[arg(long, default_value_t = FitOptions::default().levels, help_heading = "When it is good enough")]

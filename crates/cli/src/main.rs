@@ -4,7 +4,6 @@ mod args;
 mod progress;
 
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -41,6 +40,8 @@ fn main() -> ExitCode {
                         | Error::OutputFormat { .. }
                         | Error::NeedsDirectory { .. }
                         | Error::SameName { .. }
+                        | Error::OutputTwice { .. }
+                        | Error::OutputIsInput { .. }
                 )
             );
             ExitCode::from(if usage { USAGE } else { FAILED })
@@ -80,8 +81,12 @@ fn run(command: Command) -> anyhow::Result<u8> {
 fn fit(args: &FitArgs) -> anyhow::Result<u8> {
     let options = args.options();
     rayon::ThreadPoolBuilder::new().num_threads(options.threads).build_global()?;
-    let batch =
-        BatchOptions { outputs: args.outputs.clone(), report: args.report.clone(), jobs: usize::from(args.jobs) };
+    let batch = BatchOptions {
+        outputs: args.outputs.clone(),
+        report: args.report.clone(),
+        summary: args.summary.clone(),
+        jobs: usize::from(args.jobs),
+    };
     let progress = Progress::new(args.inputs.len(), options.within);
     let results = run_batch(&args.inputs, &options, &batch, &|event| progress.show(event))?;
     progress.finish();
@@ -91,9 +96,6 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
             let name = result.input.display().to_string();
             complain(&if error.starts_with(&name) { error.clone() } else { format!("{name}: {error}") });
         }
-    }
-    if let Some(path) = &args.summary {
-        write_summary(path, &results)?;
     }
     Ok(exit_code(&results))
 }
@@ -107,15 +109,6 @@ fn exit_code(results: &[PartResult]) -> u8 {
     };
     let worst_first = [FAILED, TOLERANCE_NOT_REACHED];
     worst_first.into_iter().find(|&bad| results.iter().any(|r| code(r) == bad)).unwrap_or(0)
-}
-
-fn write_summary(path: &Path, results: &[PartResult]) -> anyhow::Result<()> {
-    let mut lines = String::new();
-    for result in results {
-        lines += &serde_json::to_string(result)?;
-        lines.push('\n');
-    }
-    Ok(reconstruct::write_text(path, &lines)?)
 }
 
 fn print_json(value: &impl Serialize) -> anyhow::Result<()> {

@@ -27,36 +27,53 @@ impl CellSums {
     }
 }
 
-/// Sums over the points of a range, all in one cell with the given corners.
-pub(crate) fn sums<const D: usize>(
-    points: &SortedPoints<D>,
-    range: Range<usize>,
-    degree: [usize; D],
-    lower: [f64; D],
-    upper: [f64; D],
-) -> CellSums {
-    let (orders, double_orders) = (degree.map(|p| p + 1), degree.map(|p| 2 * p + 1));
-    let n = points.dim();
-    let mut moments = vec![[0.0; LANES]; double_orders.iter().product()];
-    let mut columns = vec![[0.0; LANES]; n * orders.iter().product::<usize>()];
-    let corners = (lower, upper);
-    pulp::Arch::new().dispatch(Sums {
-        points,
-        range,
-        orders,
-        double_orders,
-        corners,
-        moments: &mut moments,
-        right: &mut columns,
-    });
-    // The loop leaves the first direction fastest; here the component is.
-    let mut right = Vec::with_capacity(columns.len());
-    for line in columns.chunks_exact(orders[0] * n) {
-        for i in 0..orders[0] {
-            right.extend((0..n).map(|k| total(&line[k * orders[0] + i])));
+/// The loop of the sums with its memory, for one cell after the other.
+pub(crate) struct Summation<const D: usize> {
+    single: Orders<D>,
+    double: Orders<D>,
+    batch: Batch<D>,
+    rows: Vec<Block>,
+    /// First direction fastest.
+    moments: Vec<[f64; LANES]>,
+    /// First direction fastest, then the component.
+    right: Vec<[f64; LANES]>,
+}
+
+impl<const D: usize> Summation<D> {
+    /// For polynomials of a degree and points of a dimension.
+    pub(crate) fn new(degree: [usize; D], dim: usize) -> Self {
+        let (single, double) = (Orders::new(degree), Orders::new(degree.map(|p| 2 * p)));
+        let (n_moments, n_right) = (double.count(), dim * single.count());
+        Self {
+            batch: Batch::new(&double, dim),
+            rows: vec![[0.0; BLOCK]; (n_moments / double.of[0]).max(n_right / single.of[0])],
+            moments: vec![[0.0; LANES]; n_moments],
+            right: vec![[0.0; LANES]; n_right],
+            single,
+            double,
         }
     }
-    CellSums { moments: moments.iter().map(total).collect(), right }
+
+    /// Sums over the points of a range, all in one cell with the given corners.
+    pub(crate) fn of(
+        &mut self,
+        points: &SortedPoints<D>,
+        range: Range<usize>,
+        lower: [f64; D],
+        upper: [f64; D],
+    ) -> CellSums {
+        self.moments.fill([0.0; LANES]);
+        self.right.fill([0.0; LANES]);
+        pulp::Arch::new().dispatch(Sums { points, range, corners: (lower, upper), memory: self });
+        let (n, inner) = (points.dim(), self.single.of[0]);
+        let mut right = Vec::with_capacity(self.right.len());
+        for line in self.right.chunks_exact(inner * n) {
+            for i in 0..inner {
+                right.extend((0..n).map(|k| total(&line[k * inner + i])));
+            }
+        }
+        CellSums { moments: self.moments.iter().map(total).collect(), right }
+    }
 }
 
 /// Distances of the points of a range, all in one cell, to the cell's polynomial.
@@ -70,6 +87,22 @@ pub(crate) fn distances<const D: usize>(
     pulp::Arch::new().dispatch(Distances { points, range, map, cell, out });
 }
 
+/// Numbers of Bernstein polynomials per direction, with their binomial coefficients.
+struct Orders<const D: usize> {
+    of: [usize; D],
+    binomials: [Vec<f64>; D],
+}
+
+impl<const D: usize> Orders<D> {
+    fn new(degree: [usize; D]) -> Self {
+        Self { of: degree.map(|p| p + 1), binomials: degree.map(|p| (0..=p).map(|k| binomial(p, k)).collect()) }
+    }
+
+    fn count(&self) -> usize {
+        self.of.iter().product()
+    }
+}
+
 /// Up to `BLOCK` points of a cell: parameters across the cell (0 to 1), values of Bernstein polynomials, coordinates.
 /// Beyond the last point everything is zero or multiplied by zero.
 struct Batch<const D: usize> {
@@ -80,9 +113,9 @@ struct Batch<const D: usize> {
 }
 
 impl<const D: usize> Batch<D> {
-    fn new(orders: [usize; D], dim: usize) -> Self {
+    fn new(orders: &Orders<D>, dim: usize) -> Self {
         let zero = [0.0; BLOCK];
-        Self { t: [zero; D], basis: orders.map(|n| vec![zero; n]), columns: vec![zero; dim], weight: zero }
+        Self { t: [zero; D], basis: orders.of.map(|n| vec![zero; n]), columns: vec![zero; dim], weight: zero }
     }
 
     /// Loads points and returns their number rounded up to whole vectors.
@@ -115,11 +148,11 @@ impl<const D: usize> Batch<D> {
         }
     }
 
-    /// Values of all Bernstein polynomials of degree `orders − 1`.
+    /// Values of all Bernstein polynomials.
     #[inline(always)]
-    fn evaluate<S: Simd>(&mut self, simd: S, orders: [usize; D], binomials: &[Vec<f64>; D], len: usize) {
+    fn evaluate<S: Simd>(&mut self, simd: S, orders: &Orders<D>, len: usize) {
         for d in 0..D {
-            bernstein(simd, &binomials[d], &self.t[d], len, &mut self.basis[d][..orders[d]]);
+            bernstein(simd, &orders.binomials[d], &self.t[d], len, &mut self.basis[d][..orders.of[d]]);
         }
     }
 }
@@ -135,11 +168,6 @@ fn copy(source: &[f64], target: &mut Block, len: usize, fill: f64) {
             target[source.len()..len].fill(fill);
         }
     }
-}
-
-/// `C(p, k)` for the degrees `orders − 1`.
-fn binomials<const D: usize>(orders: [usize; D]) -> [Vec<f64>; D] {
-    orders.map(|order| (0..order).map(|k| binomial(order - 1, k)).collect())
 }
 
 /// The first `len` numbers of a block as vectors.
@@ -173,17 +201,12 @@ fn bernstein<S: Simd>(simd: S, binomials: &[f64], t: &Block, len: usize, out: &m
     }
 }
 
-/// Arguments of the loop of [`sums`].
+/// Arguments of the loop of [`Summation::of`].
 struct Sums<'a, const D: usize> {
     points: &'a SortedPoints<D>,
     range: Range<usize>,
-    orders: [usize; D],
-    double_orders: [usize; D],
     corners: ([f64; D], [f64; D]),
-    /// First direction fastest.
-    moments: &'a mut [[f64; LANES]],
-    /// First direction fastest, then the component.
-    right: &'a mut [[f64; LANES]],
+    memory: &'a mut Summation<D>,
 }
 
 impl<const D: usize> WithSimd for Sums<'_, D> {
@@ -191,21 +214,19 @@ impl<const D: usize> WithSimd for Sums<'_, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { points, range, orders, double_orders, corners, moments, right } = self;
-        let (single, double) = (binomials(orders), binomials(double_orders));
-        let mut batch = Batch::new(double_orders, points.dim());
-        let mut rows = vec![[0.0; BLOCK]; (moments.len() / double_orders[0]).max(right.len() / orders[0])];
+        let Self { points, range, corners, memory } = self;
+        let Summation { single, double, batch, rows, moments, right } = memory;
         for start in range.clone().step_by(BLOCK) {
             let part = start..range.end.min(start + BLOCK);
             let len = batch.load(points, part.clone(), corners);
             batch.load_weights(points, part, len);
-            batch.evaluate(simd, double_orders, &double, len);
+            batch.evaluate(simd, double, len);
             let factors = std::slice::from_ref(&batch.weight);
-            let lines = outer_rows(simd, factors, &batch.basis, double_orders, len, &mut rows);
-            add_products(simd, lines, &batch.basis[0][..double_orders[0]], len, moments);
-            batch.evaluate(simd, orders, &single, len);
-            let lines = outer_rows(simd, &batch.columns, &batch.basis, orders, len, &mut rows);
-            add_products(simd, lines, &batch.basis[0][..orders[0]], len, right);
+            let lines = outer_rows(simd, factors, &batch.basis, double.of, len, rows);
+            add_products(simd, lines, &batch.basis[0][..double.of[0]], len, moments);
+            batch.evaluate(simd, single, len);
+            let lines = outer_rows(simd, &batch.columns, &batch.basis, single.of, len, rows);
+            add_products(simd, lines, &batch.basis[0][..single.of[0]], len, right);
         }
     }
 }
@@ -329,16 +350,15 @@ impl<const D: usize> WithSimd for Distances<'_, D> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { points, range, map, cell, out } = self;
-        let orders = map.degree().map(|p| p + 1);
-        let binomials = binomials(orders);
+        let orders = Orders::new(map.degree());
         let coefficients = map.cell_coefficients(cell);
-        let mut batch = Batch::new(orders, points.dim());
+        let mut batch = Batch::new(&orders, points.dim());
         let mut distances = [0.0; BLOCK];
         for (start, target) in range.step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
             let len = batch.load(points, start..start + target.len(), map.cell_box(cell));
-            batch.evaluate(simd, orders, &binomials, len);
+            batch.evaluate(simd, &orders, len);
             for (at, distance) in vectors_mut::<S>(&mut distances, len).iter_mut().enumerate() {
-                *distance = simd.sqrt_f64s(squared_distance(simd, &batch, coefficients, orders, len, at));
+                *distance = simd.sqrt_f64s(squared_distance(simd, &batch, coefficients, orders.of, len, at));
             }
             target.copy_from_slice(&distances[..target.len()]);
         }

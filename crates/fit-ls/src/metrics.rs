@@ -3,7 +3,7 @@
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
-use thb_core::{ClosestPoints, SplineMap};
+use thb_core::{CellSpace, ClosestPoints, SplineMap};
 
 use crate::Error;
 
@@ -23,8 +23,14 @@ impl Hausdorff {
     }
 }
 
+/// Points searched in parallel before the largest distance so far is looked at.
+const BATCH: usize = 1 << 10;
+
 /// Largest distance of the points `(m, N)`, N ≤ 3, to the map (DHD): each point's distance to the map's closest point,
 /// searched from its parameter `(m, D)`.
+///
+/// A point's distance at its parameter bounds its distance to the map from above, so points are searched in the order of
+/// that bound, and only until it falls below the largest distance found.
 ///
 /// # Errors
 /// [`Error::Shape`], [`Error::Parameter`].
@@ -33,20 +39,36 @@ pub fn directed_hausdorff<const D: usize>(
     parameters: ArrayView2<'_, f64>,
     points: ArrayView2<'_, f64>,
 ) -> Result<f64, Error> {
-    use thb_core::CellSpace as _;
     check_widths(map, points)?;
     if parameters.dim() != (points.nrows(), D) {
         return Err(Error::Shape { what: "rows of parameters", given: parameters.nrows(), expected: points.nrows() });
     }
-    let search = ClosestPoints::new(map.bezier().clone())?;
-    (0..points.nrows())
+    let bezier = map.bezier();
+    let search = ClosestPoints::new(bezier.clone())?;
+    let mut bounds = (0..points.nrows())
         .into_par_iter()
-        .map(|i| {
-            let u = std::array::from_fn(|d| parameters[[i, d]]);
-            let cell = map.space().locate_cell(u).map_err(|source| Error::Parameter { index: i, source })?;
-            Ok(search.closest_from(&points.row(i).to_vec(), cell, u).distance)
+        .map(|index| {
+            let u = std::array::from_fn(|d| parameters[[index, d]]);
+            let cell = map.space().locate_cell(u).map_err(|source| Error::Parameter { index, source })?;
+            let mut image = [0.0; 3];
+            bezier.derivative(cell, u, [0; D], &mut image[..map.dim()]);
+            let squared: f64 = points.row(index).iter().zip(&image).map(|(a, b)| (a - b) * (a - b)).sum();
+            Ok((squared.sqrt(), index, cell))
         })
-        .try_reduce(|| 0.0, |a, b| Ok(f64::max(a, b)))
+        .collect::<Result<Vec<_>, Error>>()?;
+    bounds.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut largest = 0.0_f64;
+    for batch in bounds.chunks(BATCH).take_while(|batch| batch[0].0 > 0.0) {
+        if batch[0].0 <= largest {
+            break;
+        }
+        let distance = |&(_, index, cell): &(f64, usize, usize)| {
+            let u = std::array::from_fn(|d| parameters[[index, d]]);
+            search.closest_from(&points.row(index).to_vec(), cell, u).distance
+        };
+        largest = largest.max(batch.par_iter().map(distance).reduce(|| 0.0, f64::max));
+    }
+    Ok(largest)
 }
 
 /// Both directed Hausdorff distances: points `(m, N)` to the map without parameters to start from, and the map, sampled

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use thb_core::bernstein::binomial;
 use thb_core::{CellSpace, SymmetricMatrix, SymmetricPattern};
 
-use crate::kernel::{CellSums, sums};
+use crate::kernel::{CellSums, Summation};
 use crate::{Error, SortedPoints};
 
 /// `BᵀWB` and `BᵀWp` of points in a space. Statistics of different points in the same space add up, so chunks, threads
@@ -69,10 +69,13 @@ impl NormalEquations {
             .collect();
         let partial: Vec<(usize, CellSums)> = tasks
             .into_par_iter()
-            .map(|(number, range)| {
-                let cell = space.cell(number);
-                (number, sums(points, range, cell.degree, cell.lower, cell.upper))
-            })
+            .map_init(
+                || Summation::new(space.degree(), points.dim()),
+                |summation, (number, range)| {
+                    let cell = space.cell(number);
+                    (number, summation.of(points, range, cell.lower, cell.upper))
+                },
+            )
             .collect();
         let mut of_cells: Vec<(usize, CellSums)> = Vec::with_capacity(partial.len());
         for (number, part) in partial {

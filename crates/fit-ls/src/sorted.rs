@@ -108,7 +108,8 @@ impl<const D: usize> SortedPoints<D> {
     }
 
     /// Sorts the points by the cells of a space. Points whose cell of the space before still exists are not located
-    /// anew. Points of a cell stay in their order, so the result does not depend on the spaces in between.
+    /// anew. Points of a cell stay in their order, so the result does not depend on spaces in between, as long as each
+    /// refines the one before.
     ///
     /// # Errors
     /// [`Error::Parameter`].

@@ -54,7 +54,7 @@ pub enum ReadErrorKind {
     Io(#[from] std::io::Error),
     /// The file name's extension names no format that can be read.
     #[error(
-        "unknown extension {extension:?}; supported are {supported}; convert the file, or name its format in the options"
+        "unknown extension {extension:?}; supported are {supported}; convert the file, or give it the extension of its format"
     )]
     UnknownExtension {
         /// The extension, empty where there is none.
@@ -164,7 +164,7 @@ pub enum ReadErrorKind {
     },
     /// A table lacks a column.
     #[error(
-        "no column named {}; the columns are: {}; rename them, or name the coordinate columns in the options",
+        "no column named {}; the columns are: {}; rename them in the file",
         missing.join(", "), found.join(", ")
     )]
     ColumnsNotFound {
@@ -235,7 +235,7 @@ pub enum ReadErrorKind {
         reason: String,
     },
     /// The XML holds a spline model and no cloud.
-    #[error("the file holds a model ({geometry}), not a point cloud; read it as a model")]
+    #[error("the file holds a model ({geometry}), not a point cloud; there is nothing to fit")]
     HoldsModel {
         /// Type of the geometry, as in the file.
         geometry: String,

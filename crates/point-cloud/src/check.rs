@@ -8,6 +8,10 @@ use crate::{BoundingBox, CloudError};
 /// beyond it squared distances would turn into infinities.
 pub const MAX_COORDINATE: f64 = 1e100;
 
+/// Smallest extent of a cloud. The squares of distances a million times smaller are still normal numbers; below it
+/// errors of a fit would vanish.
+pub const MIN_EXTENT: f64 = 1e-100;
+
 /// A cloud narrower than this share of its length counts as a line: of the 16 digits of a coordinate fewer than six
 /// would be left to tell the second direction. Thin but real surfaces are far wider (a sheet 1 mm by 1 km: 1e-6).
 pub const LINE_TOLERANCE: f64 = 1e-10;
@@ -32,7 +36,7 @@ pub fn check_finite(points: ArrayView2<'_, f64>) -> Result<(), CloudError> {
 /// all of them equal.
 ///
 /// # Errors
-/// Those of [`check_finite`], [`CloudError::TooFewPoints`], [`CloudError::AllEqual`].
+/// Those of [`check_finite`], [`CloudError::TooFewPoints`], [`CloudError::AllEqual`], [`CloudError::TooSmall`].
 pub fn check_curve_cloud(points: ArrayView2<'_, f64>, required: usize) -> Result<(), CloudError> {
     check_finite(points)?;
     let given = points.nrows();
@@ -41,8 +45,12 @@ pub fn check_curve_cloud(points: ArrayView2<'_, f64>, required: usize) -> Result
     if given < required {
         return Err(CloudError::TooFewPoints { given, required });
     }
-    if BoundingBox::of(points)?.longest_side() == 0.0 {
+    let extent = BoundingBox::of(points)?.longest_side();
+    if extent == 0.0 {
         return Err(CloudError::AllEqual { count: given });
+    }
+    if extent < MIN_EXTENT {
+        return Err(CloudError::TooSmall { extent, limit: MIN_EXTENT });
     }
     Ok(())
 }
@@ -121,6 +129,8 @@ mod tests {
         assert_eq!(check_curve_cloud(empty.view(), 0), Err(CloudError::TooFewPoints { given: 0, required: 1 }));
         let equal = Array2::from_elem((5, 3), 1e6 / 3.0);
         assert_eq!(check_curve_cloud(equal.view(), 4), Err(CloudError::AllEqual { count: 5 }));
+        let tiny = Array2::from_shape_fn((5, 3), |(i, _)| i as f64 * 1e-160);
+        assert!(matches!(check_curve_cloud(tiny.view(), 4), Err(CloudError::TooSmall { .. })));
     }
 
     #[test]

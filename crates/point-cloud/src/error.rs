@@ -40,6 +40,14 @@ pub enum CloudError {
         /// Number of points needed.
         required: usize,
     },
+    /// The cloud is too small for squared distances to be told from zero.
+    #[error("the cloud is {extent:e} across, below the limit of {limit:e}; scale it up")]
+    TooSmall {
+        /// Longest side of its bounding box.
+        extent: f64,
+        /// The limit.
+        limit: f64,
+    },
     /// Every point is the same point.
     #[error("all {count} points are equal; there is nothing to fit")]
     AllEqual {

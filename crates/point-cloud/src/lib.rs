@@ -19,7 +19,7 @@ mod orient;
 mod pieces;
 
 pub use bounds::{BoundingBox, Normalization};
-pub use check::{LINE_TOLERANCE, MAX_COORDINATE, check_curve_cloud, check_finite, check_surface_cloud};
+pub use check::{LINE_TOLERANCE, MAX_COORDINATE, MIN_EXTENT, check_curve_cloud, check_finite, check_surface_cloud};
 pub use cloud::{GridShape, PointCloud, TriangleMesh};
 pub use corners::{CornerChoice, CornerParams, Corners, EDGES_PER_TANGENT, disk_corners, find_corners};
 pub use disk::{BoundaryLoop, DiskMesh};

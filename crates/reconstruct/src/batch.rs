@@ -1,16 +1,16 @@
 //! Many parts: one after the other or several at a time; one that fails never stops the others.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use adaptive::Iteration;
 use serde::Serialize;
 
 use crate::output::is_directory;
-use crate::{Error, FitOptions, OutputPaths, fit_file, write_outputs};
+use crate::{Error, FitOptions, OutputPaths, fit_file, write_outputs, write_text};
 
 /// Where the results of a batch go, and how many parts are fitted at a time.
 #[derive(Clone, Debug, Default)]
@@ -19,6 +19,9 @@ pub struct BatchOptions {
     pub outputs: Vec<PathBuf>,
     /// The report of a single input.
     pub report: Option<PathBuf>,
+    /// Summary of all parts, one JSON object a line in the order of the inputs. Written anew after each part, so that
+    /// an interrupted batch leaves one of what is done.
+    pub summary: Option<PathBuf>,
     /// Parts fitted at a time; at least one.
     pub jobs: usize,
 }
@@ -86,8 +89,8 @@ pub enum PartOutcome {
 /// Fits every input and writes its outputs. The results stand in the order of the inputs.
 ///
 /// # Errors
-/// [`Error::NeedsDirectory`], [`Error::SameName`], [`Error::OutputFormat`] before anything is read. Errors of a part
-/// are part of its result.
+/// [`Error::NeedsDirectory`], [`Error::SameName`], [`Error::OutputFormat`], [`Error::OutputTwice`],
+/// [`Error::OutputIsInput`] before anything is read. Errors of a part are part of its result.
 pub fn run_batch(
     inputs: &[PathBuf],
     options: &FitOptions,
@@ -100,12 +103,16 @@ pub fn run_batch(
         .iter()
         .map(|input| OutputPaths::of(input, &batch.outputs, batch.report.as_deref()))
         .collect::<Result<_, _>>()?;
-    let results: Mutex<Vec<Option<PartResult>>> = Mutex::new(vec![None; inputs.len()]);
+    check_overwriting(inputs, &outputs, batch.summary.as_ref())?;
+    let results: Mutex<Results> = Mutex::new(Results { parts: vec![None; inputs.len()], summary: Ok(()) });
     let work = |i: usize| {
         let result = fit_part(&inputs[i], &outputs[i], options, on_event);
         on_event(BatchEvent::Done(&result));
         if let Ok(mut results) = results.lock() {
-            results[i] = Some(result);
+            results.parts[i] = Some(result);
+            if let Some(path) = &batch.summary {
+                results.summary = write_summary(path, &results.parts);
+            }
         }
     };
     // Each job takes the next part that nobody has taken.
@@ -121,7 +128,25 @@ pub fn run_batch(
         }
         job();
     });
-    Ok(results.into_inner().unwrap_or_default().into_iter().flatten().collect())
+    let Results { parts, summary } = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    summary?;
+    Ok(parts.into_iter().flatten().collect())
+}
+
+/// The parts that are done, and how the last writing of the summary went.
+struct Results {
+    parts: Vec<Option<PartResult>>,
+    summary: Result<(), Error>,
+}
+
+fn write_summary(path: &Path, parts: &[Option<PartResult>]) -> Result<(), Error> {
+    let mut lines = String::new();
+    for part in parts.iter().flatten() {
+        let line = serde_json::to_string(part);
+        lines += &line.map_err(|source| Error::Io { path: path.to_owned(), source: source.into() })?;
+        lines.push('\n');
+    }
+    write_text(path, &lines)
 }
 
 fn fit_part(
@@ -179,4 +204,28 @@ fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> 
         }
     }
     Ok(())
+}
+
+fn check_overwriting(inputs: &[PathBuf], outputs: &[OutputPaths], summary: Option<&PathBuf>) -> Result<(), Error> {
+    let read: BTreeSet<PathBuf> = inputs.iter().map(|input| identity(input)).collect();
+    let mut written = BTreeSet::new();
+    for path in outputs.iter().flat_map(|paths| paths.files.iter().chain(&paths.report)).chain(summary) {
+        let identity = identity(path);
+        if read.contains(&identity) {
+            return Err(Error::OutputIsInput { path: path.clone() });
+        }
+        if !written.insert(identity) {
+            return Err(Error::OutputTwice { path: path.clone() });
+        }
+    }
+    Ok(())
+}
+
+/// The same for all names of a file, also of one that is not there yet in a directory that is.
+fn identity(path: &Path) -> PathBuf {
+    let of_parent = || {
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Some(parent.canonicalize().ok()?.join(path.file_name()?))
+    };
+    path.canonicalize().ok().or_else(of_parent).unwrap_or_else(|| path.to_owned())
 }

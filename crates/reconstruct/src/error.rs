@@ -100,6 +100,18 @@ pub enum Error {
         /// The name.
         name: String,
     },
+    /// Two outputs would be written to the same file.
+    #[error("two outputs go to {}, and one would replace the other; name different files", path.display())]
+    OutputTwice {
+        /// The file.
+        path: PathBuf,
+    },
+    /// An output would replace an input.
+    #[error("the output {} is an input and would be overwritten; name another file", path.display())]
+    OutputIsInput {
+        /// The file.
+        path: PathBuf,
+    },
     /// The operating system refused.
     #[error("{}: {source}", path.display())]
     Io {

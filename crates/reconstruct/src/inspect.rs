@@ -47,6 +47,7 @@ pub struct Comparison {
 /// # Errors
 /// [`Error`].
 pub fn compare(model: &Path, cloud: &Path, tolerance: Tolerance) -> Result<Comparison, Error> {
+    tolerance.check()?;
     let map = surface(model)?;
     let scan = read_scan(cloud, &ReadOptions::default())?;
     let points = scan.cloud.points;

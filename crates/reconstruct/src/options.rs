@@ -102,10 +102,7 @@ impl FitOptions {
         range("--levels", self.levels.to_string(), "1 to 16", (1..=MAX_LEVELS).contains(&self.levels))?;
         range("--extension", self.extension.to_string(), "0 to 64", self.extension.0.iter().all(|&k| k <= 64))?;
         range("--admissible", format!("{:?}", self.admissible), "2 or more", self.admissible.is_none_or(|m| m >= 2))?;
-        let tolerance = match self.tol {
-            Tolerance::Absolute(t) | Tolerance::Percent(t) => t,
-        };
-        range("--tol", self.tol.to_string(), "a positive number", tolerance.is_finite() && tolerance > 0.0)?;
+        self.tol.check()?;
         if let LambdaChoice::Fixed(lambda) = self.lambda {
             range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)?;
         }
@@ -250,6 +247,18 @@ pub enum Tolerance {
 }
 
 impl Tolerance {
+    /// Checks that it is positive and finite.
+    ///
+    /// # Errors
+    /// [`Error::OptionRange`].
+    pub(crate) fn check(self) -> Result<(), Error> {
+        let (Self::Absolute(number) | Self::Percent(number)) = self;
+        if number.is_finite() && number > 0.0 {
+            return Ok(());
+        }
+        Err(Error::OptionRange { option: "--tol", given: self.to_string(), allowed: "a positive number" })
+    }
+
     /// In the units of the input, for a given diagonal.
     pub fn resolve(self, diagonal: f64) -> f64 {
         match self {

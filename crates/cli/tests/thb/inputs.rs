@@ -1,0 +1,111 @@
+//! Broken and degenerate inputs: what is wrong is said, nothing is written.
+
+use crate::lab::Lab;
+use crate::scans;
+
+/// Fits a file that cannot be fitted; the message names it and says the given things.
+fn rejects(name: &str, content: impl AsRef<[u8]>, texts: &[&str]) {
+    let lab = Lab::with(name, content);
+    let mut all = vec![name];
+    all.extend(texts);
+    lab.fails(&format!("fit {name} -o part.step -o part.json --report part.report.json"), 1, &all);
+}
+
+#[test]
+fn coordinates_that_are_not_finite() {
+    let text = scans::cloud(1.0);
+    let lines: Vec<&str> = text.lines().collect();
+    for bad in ["nan", "NaN", "inf", "-inf"] {
+        let row = format!("{bad},0.5,0.5,0.5,0.5");
+        let mut changed = lines.clone();
+        changed[7] = &row;
+        rejects("scan.csv", changed.join("\n"), &["line 8", "not finite"]);
+    }
+    rejects("scan.off", scans::mesh().replacen("\n1 1 ", "\nnan 1 ", 1), &["not finite"]);
+}
+
+#[test]
+fn empty_files() {
+    for name in ["scan.ply", "scan.csv", "scan.off", "scan.obj", "scan.xyz"] {
+        rejects(name, "", &["empty"]);
+    }
+    rejects("scan.csv", "x,y,z,u,v\n", &["no points"]);
+}
+
+#[test]
+fn binary_files_that_are_cut_off() {
+    rejects("scan.ply", scans::binary_ply(2), &["cut off", "4 records of vertex", "2 are there"]);
+    let whole = scans::binary_ply(4);
+    rejects("scan.ply", &whole[..whole.len() - 1], &["cut off", "2 records of face", "1 are there"]);
+    Lab::with("scan.ply", whole).succeeds("fit scan.ply -o part.step");
+}
+
+#[test]
+fn clouds_without_extent() {
+    rejects("scan.csv", scans::cloud_of(&[[0.0; 3], [1.0; 3]]), &["2 points", "at least 4"]);
+    rejects("scan.csv", scans::cloud_of(&[[1.0, 2.0, 3.0]; 20]), &["all 20 points are equal"]);
+    let line: Vec<[f64; 3]> = (0..20).map(|i| [f64::from(i), 2.0 * f64::from(i), 1.0]).collect();
+    rejects("scan.csv", scans::cloud_of(&line), &["all 20 points lie on a line", "curve"]);
+}
+
+#[test]
+fn parameters_on_a_line() {
+    let points = "x,y,z,u,v\n0,0,0,0,0.5\n1,0,0,0.3,0.5\n1,1,0,0.6,0.5\n0,1,0,1,0.5\n0.5,0.5,0,0.5,0.5\n";
+    rejects("scan.csv", points, &["all parameters of direction 1 are 0.5"]);
+}
+
+#[test]
+fn meshes_that_are_no_disk() {
+    rejects("scan.off", scans::two_pieces(), &["2 pieces", "[18, 8]"]);
+    rejects("scan.off", scans::closed_mesh(), &["closed", "4 triangles"]);
+    rejects("scan.off", "OFF\n4 0 0\n0 0 0\n1 0 0\n0 1 0\n1 1 1\n", &[]);
+}
+
+#[test]
+fn clouds_without_order() {
+    let raw: String = scans::gridded()
+        .lines()
+        .skip(1)
+        .fold(String::new(), |text, line| text + &line.splitn(3, ',').nth(2).unwrap().replace(',', " ") + "\n");
+    rejects("scan.xyz", &raw, &["parameters", "mesh"]);
+    let lab = Lab::with("scan.off", scans::mesh());
+    lab.fails("fit scan.off -o part.step --param given", 1, &["--param given", "parameters u, v"]);
+    lab.fails("fit scan.off -o part.step --param chord", 1, &["--param chord", "grid"]);
+}
+
+#[test]
+fn files_that_are_not_there_or_of_no_known_kind() {
+    let lab = Lab::with("scan.abc", scans::mesh());
+    lab.fails("fit scan.abc -o part.step", 1, &["scan.abc", "abc", ".ply"]);
+    lab.fails("fit missing.off -o part.step", 1, &["missing.off", "cannot be read"]);
+    lab.fails("fit . -o part.step", 1, &[]);
+}
+
+#[test]
+fn parameters_outside_the_unit_square_need_a_domain() {
+    let lab = Lab::with("scan.csv", scans::cloud(2.5));
+    lab.fails("fit scan.csv -o part.json", 1, &["scan.csv", "outside [0, 1]", "--domain data"]);
+    lab.succeeds("fit scan.csv -o part.json --domain data --report report.json");
+    assert_eq!(lab.json("report.json")["options"]["domain"], "data");
+    let info = lab.prints_json("info part.json");
+    assert_eq!(info["domain"], serde_json::json!([[0.0, 0.0], [2.5, 2.5]]));
+}
+
+#[test]
+fn equal_points_are_a_warning() {
+    let text = scans::cloud(1.0);
+    let last = text.lines().last().unwrap();
+    let lab = Lab::with("scan.csv", format!("{text}{last}\n{last}\n"));
+    lab.put("soup.off", scans::triangle_soup());
+    for (scan, words) in [("scan.csv", "2 points are equal"), ("soup.off", "695 equal vertices were merged")] {
+        lab.succeeds(&format!("fit {scan} -o part.json --report report.json"));
+        let report = lab.json("report.json");
+        let warnings = report["warnings"].as_array().unwrap();
+        assert!(warnings.iter().any(|w| w.as_str().unwrap().contains(words)), "{warnings:?}");
+    }
+    // All points are kept, equal vertices are one.
+    lab.succeeds("fit scan.csv -o part.json --report report.json");
+    assert_eq!(lab.json("report.json")["input"]["fitted_points"], 171);
+    lab.succeeds("fit soup.off -o part.json --report report.json");
+    assert_eq!(lab.json("report.json")["input"]["fitted_points"], 169);
+}

@@ -1,0 +1,9 @@
+//! The binary `thb`, run as users run it.
+
+mod batch;
+mod inputs;
+mod lab;
+mod models;
+mod results;
+mod scans;
+mod usage;

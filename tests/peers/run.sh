@@ -1,0 +1,72 @@
+#!/usr/bin/env bash
+# Opens what is written, fitted fixtures and constructed models, in other software: STEP in Open CASCADE and
+# Gmsh, XML in G+Smo. Points at the same parameters must agree.
+#
+# Usage: run.sh [PYTHON]      an interpreter with the packages of requirements.txt; python3 unless named
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+python=$(command -v "${1:-python3}")
+target=${CARGO_TARGET_DIR:-target}
+thb=$target/release/thb
+cargo build --release --quiet -p cli --bin thb
+# Writes models that are hard on a format: deep meshes, sides that are points, curves.
+cargo test --quiet -p geom-io --test model_peers
+models=$target/tmp/peers
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+gmsh=(--gmsh)
+if ! "$python" -c "import gmsh" 2>"$work/import"; then
+    # Its wheel needs X11 and OpenGL libraries of the system.
+    echo "SKIPPED: Gmsh cannot be loaded: $(tail -n 1 "$work/import")"
+    gmsh=()
+fi
+
+# A lattice of parameters, boundary included; 2^-5 is a cell boundary on many levels, 1/40 on none.
+awk 'BEGIN {
+    print "u,v"
+    for (j = 0; j <= 32; j++) for (i = 0; i <= 40; i++) printf "%.17g,%.17g\n", i / 40, j / 32
+}' >"$work/uv.csv"
+
+# check NAME UNIT LIMIT OPTION...: fits with the options; the surface as one face, and as several of at most LIMIT
+# control points each.
+check() {
+    local name=$1 unit=$2 limit=$3 file=$work/$1
+    shift 3
+    "$thb" fit "$@" -o "$file.json" -o "$file.step" -o "$file.xml" --max-step-control-points 1000000 \
+        --report "$file.report.json"
+    "$thb" eval "$file.json" "$work/uv.csv" >"$file.csv"
+    local flip=() flipped=()
+    if [[ " $* " == *" --flip "* ]]; then
+        flip=(--flip) flipped=(--flipped)
+    fi
+    "$thb" convert "$file.json" -o "$file-faces.step" --max-step-control-points "$limit" "${flip[@]}"
+    "$python" tests/peers/check_step.py "$file.step" "$file.csv" --faces 1 --unit "$unit" "${gmsh[@]}" "${flipped[@]}"
+    "$python" tests/peers/check_step.py "$file-faces.step" "$file.csv" --unit "$unit" "${gmsh[@]}" "${flipped[@]}"
+    "$python" tests/peers/check_gismo.py "$file.xml" "$file.csv"
+    # Back from XML: the same numbers to the last digit.
+    "$thb" eval "$file.xml" "$work/uv.csv" | cmp - "$file.csv"
+    echo "$name: passed"
+}
+
+check face millimetre 100 fixtures/nefertiti_299.off --tol 0.5%
+check peaks metre 400 fixtures/peaks_4k.csv --degree 2,3 --mesh 5x6 --tol 0.02% --units m
+check blade inch 800 fixtures/blade_1600.ply --tol 0.02% --units inch --flip
+
+# The hierarchy must be deep enough for these checks to mean something.
+levels=$("$thb" info "$work/blade.json" | awk '/"levels"/ { print $2 + 0 }')
+if ((levels < 5)); then
+    echo "the blade has $levels levels; at least 5 are needed here" >&2
+    exit 1
+fi
+
+for model in biquadratic:millimetre bicubic:inch mixed:metre hierarchical:millimetre spots:millimetre dome:millimetre; do
+    name=${model%:*} unit=${model#*:} file=$models/${model%:*}
+    "$python" tests/peers/check_step.py "${file}_one.step" "$file.csv" --faces 1 --unit "$unit" "${gmsh[@]}"
+    "$python" tests/peers/check_step.py "${file}_many.stp" "$file.csv" --unit "$unit" --flipped "${gmsh[@]}"
+    "$python" tests/peers/check_gismo.py "$file.xml" "$file.csv"
+    echo "$name: passed"
+done
+"$python" tests/peers/check_step.py "$models/curve.step" "$models/curve.csv" --unit metre
+"$python" tests/peers/check_gismo.py "$models/curve.xml" "$models/curve.csv"
+echo "curve: passed"

@@ -1,0 +1,12 @@
+//! Chores of this repository: synthetic data and checks. A user who only fits needs none of it.
+
+pub mod generate;
+pub mod tidy;
+
+use std::path::{Path, PathBuf};
+
+/// The folder of the workspace.
+pub fn workspace_root() -> PathBuf {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    own.parent().unwrap_or(own).to_owned()
+}
