@@ -40,6 +40,6 @@ pub use cholesky::Cholesky;
 pub use error::Error;
 pub use lambda::Lambda;
 pub use least_squares::{Fixed, LeastSquares, Options};
-pub use metrics::{Hausdorff, directed_hausdorff, hausdorff};
+pub use metrics::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use normal::NormalEquations;
 pub use sorted::SortedPoints;

@@ -83,14 +83,30 @@ pub fn hausdorff<const D: usize>(
 ) -> Result<Hausdorff, Error> {
     check_widths(map, points)?;
     let search = ClosestPoints::new(map.bezier().clone())?;
+    let points_to_map = (0..points.nrows())
+        .into_par_iter()
+        .map(|i| search.closest(&points.row(i).to_vec()).distance)
+        .reduce(|| 0.0, f64::max);
+    Ok(Hausdorff { points_to_map, map_to_points: map_to_points(map, points, samples)? })
+}
+
+/// Largest distance of samples of the map, `samples` parameters per direction and cell, to their nearest points. Where
+/// the map leaves the points, across a void or in a swing between them, this is what tells.
+///
+/// # Errors
+/// [`Error::Shape`], [`Error::NoPoints`].
+pub fn map_to_points<const D: usize>(
+    map: &SplineMap<D>,
+    points: ArrayView2<'_, f64>,
+    samples: usize,
+) -> Result<f64, Error> {
+    check_widths(map, points)?;
     let padded: Vec<[f64; 3]> =
         points.outer_iter().map(|row| std::array::from_fn(|k| row.get(k).copied().unwrap_or(0.0))).collect();
-    let points_to_map =
-        padded.par_iter().map(|point| search.closest(&point[..map.dim()]).distance).reduce(|| 0.0, f64::max);
     let tree: ImmutableKdTree<f64, 3> = ImmutableKdTree::new_from_slice(&padded).map_err(|_| Error::NoPoints)?;
     let bezier = map.bezier();
     let per_cell = samples.max(2);
-    let map_to_points = (0..bezier.n_cells())
+    let largest = (0..bezier.n_cells())
         .into_par_iter()
         .map(|cell| {
             let (lower, upper) = bezier.cell_box(cell);
@@ -104,10 +120,10 @@ pub fn hausdorff<const D: usize>(
                 bezier.derivative(cell, u, [0; D], &mut image[..map.dim()]);
                 largest = largest.max(tree.query(&image).nearest_one::<SquaredEuclidean<f64>>().execute().distance);
             }
-            largest.sqrt()
+            largest
         })
         .reduce(|| 0.0, f64::max);
-    Ok(Hausdorff { points_to_map, map_to_points })
+    Ok(largest.sqrt())
 }
 
 fn check_widths<const D: usize>(map: &SplineMap<D>, points: ArrayView2<'_, f64>) -> Result<(), Error> {
@@ -116,6 +132,9 @@ fn check_widths<const D: usize>(map: &SplineMap<D>, points: ArrayView2<'_, f64>)
     }
     if points.ncols() != map.dim() {
         return Err(Error::Shape { what: "coordinates of the points", given: points.ncols(), expected: map.dim() });
+    }
+    if map.dim() > 3 {
+        return Err(Error::Shape { what: "dimension of the image", given: map.dim(), expected: 3 });
     }
     Ok(())
 }

@@ -1,3 +1,5 @@
+//! Tests of the maps of meshes.
+
 use super::*;
 use ndarray::{Array2, array};
 use point_cloud::{CloudError, TriangleMesh};

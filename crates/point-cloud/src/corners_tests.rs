@@ -1,3 +1,5 @@
+//! Tests of the choice of corners.
+
 use super::*;
 use ndarray::Array2;
 use proptest::prelude::*;

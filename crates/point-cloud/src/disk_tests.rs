@@ -1,3 +1,5 @@
+//! Tests of disk meshes.
+
 use super::*;
 use ndarray::Array2;
 use proptest::prelude::*;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use adaptive::{Observer, Outcome, Stop, run};
-use fit_ls::{LeastSquares, directed_hausdorff};
+use fit_ls::{LeastSquares, directed_hausdorff, map_to_points};
 use geom_io::{Model, ReadOptions, Scan, read_scan};
 use ndarray::{Array1, Array2};
 use point_cloud::BoundingBox;
@@ -14,6 +14,13 @@ use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 use crate::parameters::{Parameterized, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
 use crate::{Domain, Error, FitOptions};
+
+/// Samples per direction and cell for the distance from surface to points.
+pub(crate) const SAMPLES: usize = 4;
+
+/// Distance between surface and points, as a share of the diagonal, from which on the user is warned. Gaps between
+/// the points of a scan are smaller.
+const FAR: f64 = 0.07;
 
 /// A fitted surface with its report and its data.
 #[derive(Clone, Debug)]
@@ -92,6 +99,14 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn
     method.points().order().iter().zip(sorted).for_each(|(&i, e)| errors[i as usize] = e);
 
     let dhd = directed_hausdorff(&map, parameters.view(), points.view())?;
+    let hsd = dhd.max(map_to_points(&map, points.view(), SAMPLES)?);
+    if hsd > FAR * diagonal {
+        warnings.push(format!(
+            "the surface leaves the points by up to {hsd:.4e}, {:.1} % of the diagonal: it spans a void or swings out \
+             between points; look at it, and raise --lambda if it swings",
+            100.0 * hsd / diagonal
+        ));
+    }
     let last = iterations[iterations.len() - 1];
     let deviation = last.deviation;
     let report = Report {
@@ -118,6 +133,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn
             tolerance,
             lambda: method.lambda().unwrap_or(0.0),
             dhd,
+            hsd,
             seconds: start.elapsed().as_secs_f64(),
             stop: stop.name(),
             reached: stop == Stop::ToleranceReached,

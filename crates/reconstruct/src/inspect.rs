@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fit_ls::hausdorff;
+use fit_ls::map_to_points;
 use geom_io::{
     Geometry, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions, WriteOptions,
     read_model, read_scan, write_mesh, write_model,
@@ -13,11 +13,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 use thb_core::{CellSpace, ClosestPoints, SplineMap};
 
+use crate::fit::SAMPLES;
 use crate::mesh::tessellate;
 use crate::{Error, Tolerance};
-
-/// Samples per direction and cell for the distance from surface to points.
-const SAMPLES: usize = 4;
 
 /// Deviation of a cloud from a model.
 #[derive(Clone, Debug, Serialize)]
@@ -64,7 +62,7 @@ pub fn compare(model: &Path, cloud: &Path, tolerance: Tolerance) -> Result<Compa
     let rows: Vec<Vec<f64>> = points.outer_iter().map(|row| row.to_vec()).collect();
     let distances: Vec<f64> = rows.par_iter().map(|row| search.closest(row).distance).collect();
     let deviation = adaptive::Deviation::new(&distances, tolerance);
-    let both = hausdorff(&map, points.view(), SAMPLES)?;
+    let hsd = deviation.max.max(map_to_points(&map, points.view(), SAMPLES)?);
     let max_at_parameters = match scan.cloud.parameters {
         Some(parameters) if parameters.ncols() == 2 => {
             map.eval_batch(parameters.view()).ok().map(|image| largest_distance(&image, &points))
@@ -74,7 +72,7 @@ pub fn compare(model: &Path, cloud: &Path, tolerance: Tolerance) -> Result<Compa
     Ok(Comparison {
         points: deviation.points,
         dhd: deviation.max,
-        hsd: both.two_sided(),
+        hsd,
         mean: distances.iter().sum::<f64>() / distances.len().max(1) as f64,
         mse: deviation.mse,
         rmse: deviation.rmse(),

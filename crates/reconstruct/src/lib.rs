@@ -43,3 +43,8 @@ pub use report::{InputReport, IterationReport, Report, ResultReport, SecondsRepo
 
 pub use adaptive::{Iteration, Stop};
 pub use geom_io::LengthUnit;
+
+/// The code of the book's library page, as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/src/library.md")]
+struct Book;

@@ -69,6 +69,9 @@ pub struct ResultReport {
     pub lambda: f64,
     /// Largest distance of a point to the surface, wherever its closest point lies.
     pub dhd: f64,
+    /// Two-sided Hausdorff distance: also from samples of the surface to the points. Far above `dhd` where the surface
+    /// spans a void or swings out between points.
+    pub hsd: f64,
     /// Seconds from the points to the result.
     pub seconds: f64,
     /// Why the loop ended: tolerance, levels, max-dofs, stagnation, iterations, interrupted, failed.

@@ -1,4 +1,4 @@
-//! Bernstein polynomials on the unit interval: single values, blocks of values for the fast kernels, inner products.
+//! Bernstein polynomials on the unit interval: values, derivatives, inner products, and the blocks that fast kernels share.
 //!
 //! `B_k(t) = C(p,k) t^k (1−t)^{p−k}`; tensor products are numbered with the first direction fastest.
 
@@ -51,41 +51,6 @@ pub fn derivatives(degree: usize, order: usize, t: f64, out: &mut [f64]) {
         }
         out[q] = factor * previous;
     }
-}
-
-/// Values of the Bernstein polynomials at the first `len` parameters of a block: `out[k][b] = B_k(t[b])`.
-#[inline(always)]
-pub fn values_block(degree: usize, t: &Block, len: usize, out: &mut [Block]) {
-    let len = len.min(BLOCK);
-    // Powers of t upwards, then powers of 1 − t multiplied in downwards: no differences, so no cancellation.
-    out[0][..len].fill(1.0);
-    for k in 1..=degree {
-        let (low, high) = out.split_at_mut(k);
-        for b in 0..len {
-            high[0][b] = low[k - 1][b] * t[b];
-        }
-    }
-    let mut power = [1.0; BLOCK];
-    for k in (0..degree).rev() {
-        let factor = binomial(degree, k);
-        let row = &mut out[k];
-        for b in 0..len {
-            power[b] *= 1.0 - t[b];
-            row[b] *= factor * power[b];
-        }
-    }
-}
-
-/// Adds the products of the first `len` entries, a multiple of `LANES`, to the partial sums.
-#[inline(always)]
-pub fn add_products(a: &Block, c: &Block, len: usize, sums: &mut [f64; LANES]) {
-    let mut partial = *sums;
-    for (x, y) in a[..len].chunks_exact(LANES).zip(c[..len].chunks_exact(LANES)) {
-        for lane in 0..LANES {
-            partial[lane] += x[lane] * y[lane];
-        }
-    }
-    *sums = partial;
 }
 
 /// The total of partial sums, in a fixed order.
@@ -175,22 +140,6 @@ fn gram(rows: &[Vec<f64>], columns: &[Vec<f64>], product: impl Fn(usize, usize) 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn blocks_agree_with_single_values() {
-        let t: Block = std::array::from_fn(|b| b as f64 / (BLOCK - 1) as f64);
-        for degree in 1..=2 * MAX_DEGREE {
-            let mut rows = vec![[0.0; BLOCK]; degree + 1];
-            values_block(degree, &t, BLOCK, &mut rows);
-            let mut single = vec![0.0; degree + 1];
-            for b in 0..BLOCK {
-                values(degree, t[b], &mut single);
-                for k in 0..=degree {
-                    assert!((rows[k][b] - single[k]).abs() < 4e-15, "degree {degree}, t = {}", t[b]);
-                }
-            }
-        }
-    }
 
     #[test]
     fn derivatives_are_those_of_the_power_form() {

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
-use crate::bernstein::{self, BLOCK, Block};
+use crate::bernstein::{self, BLOCK};
 use crate::{Cell, CellSpace, Error, HierarchicalSpace, MAX_DEGREE};
 
 /// A map from a box in R^D to R^N: coefficients `(n_functions, N)` in a space.
@@ -188,50 +188,6 @@ impl<const D: usize> BezierMap<D> {
                 let weight = outer * value;
                 for (target, c) in out.iter_mut().zip(row) {
                     *target += weight * c;
-                }
-            }
-        }
-    }
-
-    /// Points of one cell at the first `len` of a block of local parameters (0 to 1 across the cell): `out[k][b]` is the
-    /// component `k` at parameter `b`. `basis` is scratch of `∑(p_d + 1) + 2` blocks at least.
-    #[inline(always)]
-    pub fn points_block(&self, cell: usize, t: &[Block; D], len: usize, basis: &mut [Block], out: &mut [Block]) {
-        let len = len.min(BLOCK);
-        let coefficients = self.cell_coefficients(cell);
-        let (weights, mut rest) = basis.split_at_mut(2);
-        let [outer, sum] = weights else { return };
-        let mut rows: [&[Block]; D] = [&[]; D];
-        for d in 0..D {
-            let (row, further) = rest.split_at_mut(self.degree[d] + 1);
-            bernstein::values_block(self.degree[d], &t[d], len, row);
-            rows[d] = row;
-            rest = further;
-        }
-        for row in out.iter_mut() {
-            row[..len].fill(0.0);
-        }
-        let inner = self.degree[0] + 1;
-        for (line, local) in coefficients.chunks_exact(inner * self.dim).enumerate() {
-            outer[..len].fill(1.0);
-            let mut index = line;
-            for d in 1..D {
-                let row = &rows[d][index % (self.degree[d] + 1)];
-                for b in 0..len {
-                    outer[b] *= row[b];
-                }
-                index /= self.degree[d] + 1;
-            }
-            for (k, target) in out.iter_mut().enumerate() {
-                sum[..len].fill(0.0);
-                for i in 0..inner {
-                    let c = local[i * self.dim + k];
-                    for b in 0..len {
-                        sum[b] += c * rows[0][i][b];
-                    }
-                }
-                for b in 0..len {
-                    target[b] += outer[b] * sum[b];
                 }
             }
         }

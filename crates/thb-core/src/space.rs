@@ -105,29 +105,20 @@ impl<const D: usize> Cell<'_, D> {
     /// Turns a matrix in the Bernstein basis of the cell, `(n_local, columns)` row-major, into one whose rows belong to
     /// the cell's functions, `(n_active, columns)`: multiplies with extraction and Bézier matrices from the left.
     pub fn pull_back(&self, bernstein: &mut Vec<f64>, columns: usize, scratch: &mut Vec<f64>) {
-        let mut line = [0.0; crate::MAX_DEGREE + 1];
         for d in 0..D {
-            for_each_line(&self.degree, columns, d, |start, stride, order| {
-                for i in 0..order {
-                    line[i] = (0..order).map(|j| self.bezier[d][i * order + j] * bernstein[start + j * stride]).sum();
-                }
-                for i in 0..order {
-                    bernstein[start + i * stride] = line[i];
-                }
-            });
+            let order = self.degree[d] + 1;
+            let stride = columns * self.degree[..d].iter().map(|p| p + 1).product::<usize>();
+            scratch.clear();
+            scratch.extend_from_slice(bernstein);
+            for (target, source) in bernstein.chunks_exact_mut(order * stride).zip(scratch.chunks_exact(order * stride))
+            {
+                combine(self.bezier[d], source, target, stride);
+            }
         }
         if let Extraction::Matrix(matrix) = self.extraction {
             scratch.clear();
             scratch.resize(self.functions.len() * columns, 0.0);
-            for (target, weights) in scratch.chunks_exact_mut(columns).zip(matrix.chunks_exact(self.n_local())) {
-                for (source, &weight) in bernstein.chunks_exact(columns).zip(weights) {
-                    if weight != 0.0 {
-                        for k in 0..columns {
-                            target[k] += weight * source[k];
-                        }
-                    }
-                }
-            }
+            combine(matrix, bernstein, scratch, columns);
             std::mem::swap(bernstein, scratch);
         }
     }
@@ -139,6 +130,21 @@ impl<const D: usize> Cell<'_, D> {
         self.pull_back(bernstein, n_local, scratch);
         transpose(bernstein, n_active, n_local, scratch);
         self.pull_back(bernstein, n_active, scratch);
+    }
+}
+
+/// Rows of `columns` numbers, combined with a matrix that has a row per target and a column per source.
+///
+/// PERF: whole rows, so that the compiler uses vectors, and without the many zeros of Bézier and extraction matrices.
+fn combine(matrix: &[f64], source: &[f64], target: &mut [f64], columns: usize) {
+    let n_source = source.len() / columns;
+    for (target, weights) in target.chunks_exact_mut(columns).zip(matrix.chunks_exact(n_source)) {
+        target.fill(0.0);
+        for (source, &weight) in source.chunks_exact(columns).zip(weights) {
+            if weight != 0.0 {
+                target.iter_mut().zip(source).for_each(|(t, s)| *t += weight * s);
+            }
+        }
     }
 }
 
