@@ -113,7 +113,7 @@ pub(crate) struct FitArgs {
     /// mesh with mean-value weights, else goes by chord length along the grid.
     #[arg(long, default_value_t = FitOptions::default().param, help_heading = "What is fitted")]
     param: ParameterChoice,
-    /// Parameter domain: unit (parameters of the file must lie in [0,1]) or data (the box of the parameters; a fixed
+    /// Parameter domain: unit (parameters of the file must lie between 0 and 1) or data (the box of the parameters; a fixed
     /// --lambda then applies in their units).
     #[arg(long, default_value_t = FitOptions::default().domain, help_heading = "What is fitted")]
     domain: Domain,

@@ -21,11 +21,13 @@ pub struct Cholesky {
 }
 
 /// Why a factorization failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Failure {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FactorizationError {
     /// The matrix is not positive definite, up to round-off.
+    #[error("the matrix is not positive definite")]
     NotPositiveDefinite,
     /// Not enough memory.
+    #[error("not enough memory for the factor")]
     OutOfMemory,
 }
 
@@ -33,15 +35,15 @@ impl Cholesky {
     /// Analyses a pattern.
     ///
     /// # Errors
-    /// [`Failure::OutOfMemory`].
-    pub fn new(pattern: &SymmetricPattern) -> Result<Self, Failure> {
+    /// [`FactorizationError::OutOfMemory`].
+    pub fn new(pattern: &SymmetricPattern) -> Result<Self, FactorizationError> {
         let symbolic = factorize_symbolic_cholesky(
             structure(pattern),
             Side::Lower,
             SymmetricOrdering::Amd,
             CholeskySymbolicParams::default(),
         )
-        .map_err(|_| Failure::OutOfMemory)?;
+        .map_err(|_| FactorizationError::OutOfMemory)?;
         Ok(Self { pattern: pattern.clone(), symbolic, factor: Vec::new() })
     }
 
@@ -53,12 +55,12 @@ impl Cholesky {
     /// Factorizes a matrix of the pattern.
     ///
     /// # Errors
-    /// [`Failure`].
-    pub fn factorize(&mut self, matrix: &SymmetricMatrix) -> Result<(), Failure> {
+    /// [`FactorizationError`].
+    pub fn factorize(&mut self, matrix: &SymmetricMatrix) -> Result<(), FactorizationError> {
         self.factor.clear();
         self.factor.resize(self.symbolic.len_val(), 0.0);
         let scratch = self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-        let mut memory = MemBuffer::try_new(scratch).map_err(|_| Failure::OutOfMemory)?;
+        let mut memory = MemBuffer::try_new(scratch).map_err(|_| FactorizationError::OutOfMemory)?;
         // One thread: measured faster than two at all sizes up to 2·10⁵ unknowns.
         let factorized = self.symbolic.factorize_numeric_llt(
             &mut self.factor,
@@ -71,23 +73,23 @@ impl Cholesky {
         );
         match factorized {
             Ok(_) => Ok(()),
-            Err(LltError::NonPositivePivot { .. }) => Err(Failure::NotPositiveDefinite),
+            Err(LltError::NonPositivePivot { .. }) => Err(FactorizationError::NotPositiveDefinite),
         }
     }
 
     /// Solves with the last factorized matrix for all columns of `right`, `(n, N)`.
     ///
     /// # Errors
-    /// [`Failure::NotPositiveDefinite`] if nothing was factorized or the solution is not finite.
-    pub fn solve(&self, right: &Array2<f64>) -> Result<Array2<f64>, Failure> {
+    /// [`FactorizationError::NotPositiveDefinite`] if nothing was factorized or the solution is not finite.
+    pub fn solve(&self, right: &Array2<f64>) -> Result<Array2<f64>, FactorizationError> {
         let (n, columns) = right.dim();
         if self.factor.is_empty() || n != self.pattern.n() {
-            return Err(Failure::NotPositiveDefinite);
+            return Err(FactorizationError::NotPositiveDefinite);
         }
         // Column-major copy: faer solves in place.
         let mut values: Vec<f64> = right.t().iter().copied().collect();
         let scratch = self.symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq);
-        let mut memory = MemBuffer::try_new(scratch).map_err(|_| Failure::OutOfMemory)?;
+        let mut memory = MemBuffer::try_new(scratch).map_err(|_| FactorizationError::OutOfMemory)?;
         faer::sparse::linalg::cholesky::LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
             Conj::No,
             MatMut::from_column_major_slice_mut(&mut values, n, columns),
@@ -95,7 +97,7 @@ impl Cholesky {
             MemStack::new(&mut memory),
         );
         if values.iter().any(|x| !x.is_finite()) {
-            return Err(Failure::NotPositiveDefinite);
+            return Err(FactorizationError::NotPositiveDefinite);
         }
         Ok(Array2::from_shape_fn((n, columns), |(i, k)| values[k * n + i]))
     }

@@ -8,7 +8,7 @@ use ndarray::{Array2, ArrayView1, ArrayView2};
 use rayon::prelude::*;
 use thb_core::{CellSpace, HierarchicalSpace, Quadrature, SplineMap, SymmetricMatrix, SymmetricPattern, ThinPlate};
 
-use crate::cholesky::{Cholesky, Failure};
+use crate::cholesky::{Cholesky, FactorizationError};
 use crate::kernel::distances;
 use crate::{Error, Lambda, NormalEquations, SortedPoints};
 
@@ -199,8 +199,8 @@ pub(crate) fn penalized(
     matrix.values_mut().iter_mut().zip(energy.values()).for_each(|(a, g)| *a += lambda * g);
     eliminate(&mut matrix, &mut right, fixed)?;
     let failed = |failure| match failure {
-        Failure::NotPositiveDefinite => deficient(&without_data),
-        Failure::OutOfMemory => Error::OutOfMemory { functions },
+        FactorizationError::NotPositiveDefinite => deficient(&without_data),
+        FactorizationError::OutOfMemory => Error::OutOfMemory { functions },
     };
     solver.factorize(&matrix).map_err(failed)?;
     let mut solution = solver.solve(&right).map_err(failed)?;

@@ -36,7 +36,7 @@ mod normal;
 mod sorted;
 
 pub use boundary::{Side, boundary_coefficients, boundary_functions};
-pub use cholesky::Cholesky;
+pub use cholesky::{Cholesky, FactorizationError};
 pub use error::Error;
 pub use lambda::Lambda;
 pub use least_squares::{Fixed, LeastSquares, Options};
