@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use reconstruct::{
-    Domain, Energy, FitOptions, LambdaChoice, LengthUnit, Mark, Method, Pair, ParameterChoice, Tolerance,
+    Domain, Energy, FitOptions, Format, LambdaChoice, LengthUnit, Mark, Method, Pair, ParameterChoice, ReadOptions,
+    Tolerance,
 };
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
@@ -56,16 +57,20 @@ pub(crate) enum Command {
     Compare {
         /// Model, .json or .xml.
         model: PathBuf,
-        /// Cloud or mesh; its points are compared.
+        /// Cloud or mesh; its points are compared. - is standard input.
         cloud: PathBuf,
+        #[command(flatten)]
+        read: ReadArgs,
         /// Distance that counts as within tolerance; % of the cloud's diagonal.
         #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true)]
         tol: Tolerance,
     },
     /// What a file holds, as JSON on standard output.
     Info {
-        /// Model, cloud or mesh.
+        /// Model, cloud or mesh; - is standard input.
         file: PathBuf,
+        #[command(flatten)]
+        read: ReadArgs,
     },
 }
 
@@ -79,15 +84,19 @@ const FIT_HELP: &str = "Examples:
   thb fit cloud.csv --param given --degree 2 --mesh 8x8 --lambda 1e-7 --tol 1e-4 --energy gauss-p --within 1
       parameters u,v from the file, and the settings of a G+Smo fit
 
-Input: meshes .ply .obj .off; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
-(.csv with the columns i,j,x,y,z); height fields .asc.
+  thb fit tile.laz --class 2 --height-field -o ground.step
+      the ground of a terrain scan, as heights over x and y
+
+Input: meshes .ply .obj .off .stl; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
+(.csv with the columns i,j,x,y,z, or .pcd); height fields .asc, and with --height-field any cloud: .xyz .txt .pts .csv .pcd
+.las .laz .e57. All may be compressed (.xyz.gz).
 
 If the tolerance is not reached, the report says why: 'levels' (allow more with --levels), 'max-dofs' (--max-dofs),
 'stagnation' (noise, or parameters that do not suit the shape; try a larger --tol or another --param).";
 
 #[derive(Args, Debug)]
 pub(crate) struct FitArgs {
-    /// Scans to fit.
+    /// Scans to fit; - is standard input.
     #[arg(required = true)]
     pub(crate) inputs: Vec<PathBuf>,
     /// Output, the format by extension (.step .stp .xml .json .obj .ply .vtk), or a directory; may be repeated.
@@ -105,12 +114,14 @@ pub(crate) struct FitArgs {
     /// Threads for the work within a part; 0 for one per core.
     #[arg(long, default_value_t = 0)]
     threads: usize,
+    #[command(flatten)]
+    read: ReadArgs,
 
     /// Fitting method: ls (penalized least squares with fixed parameters).
     #[arg(long, default_value_t = FitOptions::default().method, help_heading = "What is fitted")]
     method: Method,
     /// Parameters: auto, given, chord, centripetal, uniform, mean-value. auto takes those of the file, else maps the
-    /// mesh with mean-value weights, else goes by chord length along the grid.
+    /// mesh with mean-value weights, else goes by chord length along the grid, else lays the cloud out by its shape.
     #[arg(long, default_value_t = FitOptions::default().param, help_heading = "What is fitted")]
     param: ParameterChoice,
     /// Parameter domain: unit (parameters of the file must lie between 0 and 1) or data (the box of the parameters; a fixed
@@ -173,6 +184,7 @@ impl FitArgs {
     /// The options of the fit.
     pub(crate) fn options(&self) -> FitOptions {
         FitOptions {
+            read: self.read.options(),
             method: self.method,
             param: self.param,
             degree: self.degree,
@@ -194,6 +206,42 @@ impl FitArgs {
             threads: self.threads,
         }
     }
+}
+
+/// How scans are read where a file leaves it open.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "How it is read")]
+pub(crate) struct ReadArgs {
+    /// Format by one of its extensions, such as xyz or ply, whatever the file's name is; needed for standard input.
+    /// [default: by the file's extension; .gz behind it is decompressed]
+    #[arg(long, value_name = "EXT", value_parser = format)]
+    format: Option<Format>,
+    /// Columns of text files that hold x, y, z: names, or numbers from 1, as in x_km,y_km,z or 2,3,4.
+    #[arg(long, value_delimiter = ',')]
+    columns: Vec<String>,
+    /// Classes of a LAS or LAZ file whose points are read, as in 2,9. [default: all]
+    #[arg(long = "class", value_delimiter = ',', value_name = "CLASSES")]
+    classes: Vec<u8>,
+    /// Take x and y, each scaled to 0 to 1, as parameters of points that have none: z is a height over them.
+    #[arg(long)]
+    height_field: bool,
+}
+
+impl ReadArgs {
+    /// The options of reading.
+    pub(crate) fn options(&self) -> ReadOptions {
+        ReadOptions {
+            format: self.format,
+            columns: self.columns.iter().map(|column| column.trim().to_owned()).collect(),
+            classes: self.classes.clone(),
+            height_field: self.height_field,
+        }
+    }
+}
+
+fn format(text: &str) -> Result<Format, String> {
+    let all = || Format::ALL.iter().flat_map(|format| format.extensions()).copied().collect::<Vec<_>>().join(", ");
+    Format::from_extension(text.trim_start_matches('.')).map_err(|_| format!("possible are {}", all()))
 }
 
 fn unit(text: &str) -> Result<LengthUnit, String> {

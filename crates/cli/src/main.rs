@@ -72,8 +72,10 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::Convert { model, output, max_step_control_points, flip } => {
             reconstruct::convert(&model, &output, max_step_control_points, flip)?;
         }
-        Command::Compare { model, cloud, tol } => print_json(&reconstruct::compare(&model, &cloud, tol)?)?,
-        Command::Info { file } => print_json(&reconstruct::info(&file)?)?,
+        Command::Compare { model, cloud, read, tol } => {
+            print_json(&reconstruct::compare(&model, &cloud, &read.options(), tol)?)?;
+        }
+        Command::Info { file, read } => print_json(&reconstruct::info(&file, &read.options())?)?,
     }
     Ok(0)
 }

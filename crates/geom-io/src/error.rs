@@ -54,13 +54,84 @@ pub enum ReadErrorKind {
     Io(#[from] std::io::Error),
     /// The file name's extension names no format that can be read.
     #[error(
-        "unknown extension {extension:?}; supported are {supported}; convert the file, or give it the extension of its format"
+        "unknown extension {extension:?}; supported are {supported}; convert the file, or name its format by the option format"
     )]
     UnknownExtension {
         /// The extension, empty where there is none.
         extension: String,
         /// The extensions that can be read.
         supported: String,
+    },
+    /// Standard input, whose name tells no format, was given without one.
+    #[error("standard input has no extension that tells its format; name it by the option format")]
+    FormatNeeded,
+    /// Compressed data expand beyond what scans do.
+    #[error(
+        "{compressed} compressed bytes expand to more than {limit}, far beyond what scans do; \
+         if they are wanted, decompress them first"
+    )]
+    Expansion {
+        /// Number of compressed bytes.
+        compressed: usize,
+        /// Number of bytes they may expand to.
+        limit: usize,
+    },
+    /// A decoder gave up.
+    #[error("the {format} data cannot be read: {reason}")]
+    Malformed {
+        /// Name of the format.
+        format: &'static str,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// An option was given that has no meaning for the format.
+    #[error("the option {option} is for {of}; it has no meaning for {format}")]
+    OptionOfOtherFormat {
+        /// The option.
+        option: &'static str,
+        /// Formats that it is for.
+        of: &'static str,
+        /// The format that was read.
+        format: &'static str,
+    },
+    /// A column was asked for by name where none has one, or by a number that is none.
+    #[error("no line names the columns; the option columns takes numbers from 1 on here, not {column:?}")]
+    ColumnNumber {
+        /// The column as given.
+        column: String,
+    },
+    /// No point has a class that was asked for.
+    #[error(
+        "no point has a class among {wanted:?}; the file has the classes {}",
+        found.iter().map(|(class, points)| format!("{class} ({points} points)")).collect::<Vec<_>>().join(", ")
+    )]
+    NoPointsOfClass {
+        /// The classes asked for.
+        wanted: Vec<u8>,
+        /// The classes that are there, with their numbers of points.
+        found: Vec<(u8, usize)>,
+    },
+    /// A height field needs x, y and a height.
+    #[error("a height field needs x, y and z; the points have {columns} coordinates")]
+    HeightFieldColumns {
+        /// Number of coordinates.
+        columns: usize,
+    },
+    /// The points of a height field lie on a line of its plane.
+    #[error("no height field: all {axis} are {value}")]
+    FlatHeightField {
+        /// `x` or `y`.
+        axis: &'static str,
+        /// Their value.
+        value: f64,
+    },
+    /// A file ends before it should, without a count that says so.
+    #[error("the file is cut off: the {element} that opens on line {line} has no end")]
+    Unclosed {
+        /// What is open.
+        element: &'static str,
+        /// Line where it opens, counted from 1.
+        line: usize,
     },
     /// The file has no content.
     #[error("the file is empty")]
@@ -164,7 +235,7 @@ pub enum ReadErrorKind {
     },
     /// A table lacks a column.
     #[error(
-        "no column named {}; the columns are: {}; rename them in the file",
+        "no column named {}; the columns are: {}; say which ones hold the coordinates by the option columns",
         missing.join(", "), found.join(", ")
     )]
     ColumnsNotFound {

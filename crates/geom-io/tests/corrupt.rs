@@ -1,5 +1,7 @@
 //! No bytes make a reader panic, hang or reserve memory without bound.
 
+mod scan_files;
+
 use geom_io::{Format, ReadOptions, parse_scan};
 use proptest::prelude::*;
 
@@ -19,7 +21,7 @@ fn check_invariants(scan: &geom_io::Scan) {
     assert!(scan.triangles.iter().flatten().flatten().all(|&index| (index as usize) < m));
 }
 
-/// A valid small file of each format; PLY in three encodings.
+/// A valid small file of each format whose reader is ours; PLY and PCD in three encodings.
 fn samples() -> Vec<(Format, Vec<u8>)> {
     let ply = |encoding: &str, body: &[u8]| {
         let header = format!(
@@ -44,6 +46,11 @@ fn samples() -> Vec<(Format, Vec<u8>)> {
         ply("binary_big_endian", &binary(f32::to_be_bytes, i32::to_be_bytes)),
         (Format::Obj, b"v 0 0 0\nv 1 0 0\nvt 0 1\nv 0 1 0\nf 1/1 2/1 3/1\nf -3 -2 -1\n".to_vec()),
         (Format::Off, b"COFF\n# c\n3 1 3\n0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n".to_vec()),
+        (Format::Stl, scan_files::STL_TEXT.into()),
+        (Format::Stl, scan_files::stl(b"title")),
+        (Format::Pcd, scan_files::pcd_text()),
+        (Format::Pcd, scan_files::pcd_binary()),
+        (Format::Pcd, scan_files::pcd_compressed()),
         (Format::Xyz, b"3\n# c\n0 0 0\n1,\t0 0 // c\n0 1 0\n".to_vec()),
         (Format::Xyz, b"x; y; z\n0;0;0\n1;0;0;\n0;1;0\n".to_vec()),
         (Format::Csv, b"i,j,u,v,x,y,z,n\n1,1,0,0,0,0,1,a\n1,2,0,1,0,1,1,\n2,2,1,1,1,1,1,b\n2,1,1,0,1,0,1,c\n".to_vec()),
@@ -71,10 +78,40 @@ fn cut_after_any_byte() {
     }
 }
 
+/// Formats that other crates decode: an error or a cloud, and no more memory than the file's size warrants.
+#[test]
+fn decoders_of_other_crates() {
+    let samples = [
+        (Format::Las, scan_files::las(0, false)),
+        (Format::Las, scan_files::las(6, false)),
+        (Format::Las, scan_files::las(1, true)),
+        (Format::E57, scan_files::e57()),
+        (Format::Xyz, scan_files::gzip("0 0 0\n1 2 3\n")),
+    ];
+    for (format, bytes) in samples {
+        // Every byte of headers and small files, some of a long one.
+        let step = 1 + bytes.len() / 500;
+        for end in (0..bytes.len()).step_by(step) {
+            if let Ok(scan) = read(format, &bytes[..end]) {
+                check_invariants(&scan);
+            }
+            for byte in [0, 0x7f, 0xff] {
+                let mut changed = bytes.clone();
+                changed[end] = byte;
+                if let Ok(scan) = read(format, &changed) {
+                    check_invariants(&scan);
+                }
+            }
+        }
+    }
+}
+
 /// A binary PLY file that lacks even its last byte is an error; so is one cut in its header.
 #[test]
 fn binary_ply_is_never_read_in_part() {
-    for (format, bytes) in samples().into_iter().filter(|(_, bytes)| bytes.windows(6).any(|w| w == b"binary")) {
+    for (format, bytes) in
+        samples().into_iter().filter(|(f, bytes)| *f == Format::Ply && bytes.windows(6).any(|w| w == b"binary"))
+    {
         assert!(read(format, &bytes).is_ok());
         for end in 0..bytes.len() {
             assert!(read(format, &bytes[..end]).is_err(), "cut at {end} of {}", bytes.len());
@@ -198,6 +235,19 @@ const PIECES: &[&str] = &[
     "yllcenter ",
     "cellsize ",
     "NODATA_value ",
+    "solid\n",
+    "facet ",
+    "outer loop\n",
+    "vertex ",
+    "endfacet\n",
+    "endsolid\n",
+    "FIELDS x y z\n",
+    "SIZE 4 4 4\n",
+    "COUNT ",
+    "WIDTH 2\n",
+    "DATA ascii\n",
+    "DATA binary\n",
+    "DATA binary_compressed\n",
     "<xml>",
     "</xml>",
     "<Matrix id=\"0\" rows=\"2\" cols=\"1\">",

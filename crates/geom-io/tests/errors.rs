@@ -33,17 +33,18 @@ fn the_path_stands_in_front() {
     let error = read_scan("no/such/scan.ply".as_ref(), &ReadOptions::default()).unwrap_err();
     assert!(matches!(error.kind, Kind::Io(_)));
     assert!(error.to_string().starts_with("no/such/scan.ply: cannot be read: "), "{error}");
-    let error = read_scan("scan.laz".as_ref(), &ReadOptions::default()).unwrap_err();
+    let error = read_scan("scan.dat".as_ref(), &ReadOptions::default()).unwrap_err();
     assert!(matches!(error.kind, Kind::UnknownExtension { .. }));
 }
 
 #[test]
 fn nothing_in_the_file() {
     for format in Format::ALL {
-        for bytes in ["", "\u{feff}", " \r\n\t\n"] {
+        for bytes in ["", " \r\n\t\n"] {
             assert!(matches!(fail(format, bytes), Kind::Empty));
         }
     }
+    assert!(matches!(fail(Format::Xyz, "\u{feff}"), Kind::Empty));
     fails!(Xyz, "# only words\n", Kind::NoPoints);
     fails!(Xyz, "x y z\n", Kind::NoPoints);
     fails!(Csv, "x,y,z\n", Kind::NoPoints);
@@ -60,7 +61,8 @@ fn nothing_in_the_file() {
 
 #[test]
 fn not_text() {
-    for format in Format::ALL {
+    let is_text = |format: &Format| !matches!(format, Format::Stl | Format::Las | Format::E57);
+    for format in Format::ALL.into_iter().filter(is_text) {
         assert!(matches!(fail(format, b"\xff\xfe1\0 \x002\0"), Kind::NotText { line: 1 }));
         assert!(matches!(fail(format, b"\x89PNG\x1a\x00\x00\xff 1 2 3\n"), Kind::NotText { line: 1 }));
     }

@@ -73,6 +73,57 @@ pub enum ParamError {
         /// The first few of them.
         first: Vec<u32>,
     },
+    /// The corners do not cut the loop into four sides.
+    #[error("the corners {corners:?} must be four different places in a loop of {points} points, in loop order")]
+    BadCorners {
+        /// Places of the corners.
+        corners: [usize; 4],
+        /// Number of points of the loop.
+        points: usize,
+    },
+    /// A boundary point that cannot serve: not a row of the cloud, given twice, or not on the boundary of the square.
+    #[error("boundary point {index} (row {point} of the cloud, parameters {parameters:?}) {problem}")]
+    BadBoundaryPoint {
+        /// Place in the list of boundary points.
+        index: usize,
+        /// Row of the cloud that it names.
+        point: u32,
+        /// Its parameters.
+        parameters: [f64; 2],
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// Interior points without a path of neighbours to the boundary, so that nothing ties them (Floater and Reimers,
+    /// Meshless parameterization and surface reconstruction, CAGD 18, 2001, Proposition 3.3).
+    #[error(
+        "{count} of {interior} interior points have no path of neighbours to the boundary at radius {radius:e}, the first are {first:?}; take a larger radius, allow more neighbours, or remove these points"
+    )]
+    CutOffPoints {
+        /// Number of such points.
+        count: usize,
+        /// Number of interior points.
+        interior: usize,
+        /// Radius of the neighbourhoods, in the units of the points.
+        radius: f64,
+        /// The first few of them.
+        first: Vec<u32>,
+    },
+    /// The points could not be indexed for neighbour queries.
+    #[error("the {points} points could not be indexed for neighbour queries: {reason}")]
+    NeighbourSearch {
+        /// Number of points.
+        points: usize,
+        /// What the index reported.
+        reason: String,
+    },
+    /// Points of the parameter plane could not be triangulated.
+    #[error("{points} parameters could not be triangulated: {reason}; check them for values that are not finite")]
+    Triangulation {
+        /// Number of parameters.
+        points: usize,
+        /// What the triangulation reported.
+        reason: String,
+    },
     /// An array of the wrong shape.
     #[error("{what} has shape {given:?}, {required:?} is needed")]
     WrongShape {

@@ -2,21 +2,40 @@
 //!
 //! - Point sequences: [`parameterize_sequence`] (uniform, chord-length, centripetal).
 //! - Gridded clouds: [`parameterize_grid`], the same rules averaged over the lines of the grid.
-//! - Triangle meshes: [`map_disk`], barycentric maps with uniform or mean-value weights, and [`map_quality`].
+//! - Triangle meshes: [`map_disk`], barycentric maps with uniform or mean-value weights, [`refine_injective`] for less
+//!   distortion without folds, and [`map_quality`].
+//! - Scattered clouds with known boundary: [`side_parameters`] for the boundary, [`map_cloud`] for the interior,
+//!   [`correct_shape`], [`triangulate_parameters`] and [`cloud_quality`].
 //!
 //! This crate knows nothing about splines and never reads a file.
 
 mod barycentric;
+mod cloud_map;
+mod correction;
+mod dirichlet;
 mod error;
 mod grid;
+mod injective;
+mod local_star;
 mod mesh_map;
+mod neighbours;
 mod quality;
 mod sequence;
+mod shape_preserving;
+mod sides;
+mod spread;
+mod triangulate;
 mod weights;
 
+pub use cloud_map::{BOUNDARY_TOLERANCE, CloudMap, CloudMapParams, CloudMapReport, CloudWeights, Radius, map_cloud};
+pub use correction::correct_shape;
 pub use error::ParamError;
 pub use grid::{GridReport, parameterize_grid};
+pub use injective::{InjectiveMap, InjectiveParams, InjectiveReport, InjectiveStop, refine_injective};
 pub use mesh_map::{MeshMap, MeshMapParams, MeshMapReport, map_disk};
 pub use quality::{Distortion, MapQuality, map_quality};
 pub use sequence::{Rule, parameterize_sequence};
+pub use sides::{BoundaryParameters, side_parameters};
+pub use spread::{Assessment, CloudQuality, Verdict, Void, cloud_quality};
+pub use triangulate::triangulate_parameters;
 pub use weights::{HALF_TANGENT_LIMIT, Weights};

@@ -8,7 +8,8 @@ use point_cloud::{CornerChoice, Corners, DiskMesh, disk_corners};
 use crate::ParamError;
 use crate::barycentric::{BarycentricSystem, WeightEntry};
 use crate::quality::{MapQuality, map_quality};
-use crate::sequence::{Rule, parameterize_sequence};
+use crate::sequence::Rule;
+use crate::sides::{CONSTANT_ON_SIDE, SideSet, place_sides};
 use crate::weights::{Weights, corner_weights, norm, sub};
 
 /// Options of [`map_disk`].
@@ -47,9 +48,6 @@ pub struct MeshMapReport {
     /// Distortion, and the triangles that collapsed into a side.
     pub quality: MapQuality,
 }
-
-/// Number of folded triangles that an error names.
-const FOLDED_NAMED: usize = 5;
 
 /// Shortest length of a spoke from the centre of a hole, as a share of the hole's perimeter. The centre of a strongly
 /// bent hole may fall on its rim, where mean-value weights would be infinite; the map is one-to-one whatever the value.
@@ -93,33 +91,11 @@ pub fn map_disk(disk: &DiskMesh, params: &MeshMapParams) -> Result<MeshMap, Para
 
     let parameters = Array2::from_shape_fn((disk.vertices().nrows(), 2), |(i, k)| uv[i][k]);
     let quality = map_quality(disk.vertices(), disk.triangles(), parameters.view())?;
-    if !quality.folded.is_empty() {
-        return Err(ParamError::FoldedTriangles {
-            count: quality.folded.len(),
-            triangles: quality.triangles,
-            first: quality.folded.iter().take(FOLDED_NAMED).copied().collect(),
-        });
-    }
+    quality.check_folds()?;
     let report = MeshMapReport { unknowns: system.unknowns(), residual, holes: disk.holes().len(), cut_off, quality };
     tracing::debug!(?report, "mapped");
     Ok(MeshMap { parameters, corners, report })
 }
-
-/// A set of sides of the square; side k begins at corner k.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct SideSet(u8);
-
-impl SideSet {
-    const NONE: Self = Self(0);
-    const ALL: Self = Self(0b1111);
-
-    fn holds(self, side: usize) -> bool {
-        self.0 & (1 << side) != 0
-    }
-}
-
-/// For each side the coordinate that is constant on it, and its value there.
-const CONSTANT_ON_SIDE: [(usize, f64); 4] = [(1, 0.0), (0, 1.0), (1, 1.0), (0, 0.0)];
 
 /// Writes the parameters of the outer loop; returns the sides that each vertex of the mesh lies on.
 fn place_boundary(
@@ -128,22 +104,18 @@ fn place_boundary(
     rule: Rule,
     uv: &mut [[f64; 2]],
 ) -> Result<Vec<SideSet>, ParamError> {
-    let boundary = &disk.outer_loop().vertices;
+    let boundary: Vec<usize> = disk.outer_loop().vertices.iter().map(|&v| v as usize).collect();
+    let points = disk.vertices().select(Axis(0), &boundary);
+    let (parameters, on_loop) = place_sides(points.view(), corners.positions, rule).map_err(|e| match e {
+        ParamError::ShortEdge { vertices, length } => {
+            ParamError::ShortEdge { vertices: vertices.map(|place| boundary[place as usize] as u32), length }
+        }
+        other => other,
+    })?;
     let mut sides = vec![SideSet::NONE; disk.vertices().nrows()];
-    for (k, places) in corners.sides(boundary.len()).into_iter().enumerate() {
-        let vertices: Vec<usize> = places.iter().map(|&p| boundary[p] as usize).collect();
-        let points = disk.vertices().select(Axis(0), &vertices);
-        let t = parameterize_sequence(points.view(), rule)?;
-        if let Some(i) = (1..t.len()).find(|&i| t[i] <= t[i - 1]) {
-            return Err(short_edge(disk, [vertices[i - 1] as u32, vertices[i] as u32]));
-        }
-        let (constant, value) = CONSTANT_ON_SIDE[k];
-        for (&vertex, &t) in vertices.iter().zip(&t) {
-            // Sides 2 and 3 run backwards along their axis.
-            uv[vertex][1 - constant] = if k < 2 { t } else { 1.0 - t };
-            uv[vertex][constant] = value;
-            sides[vertex].0 |= 1 << k;
-        }
+    for (place, &vertex) in boundary.iter().enumerate() {
+        uv[vertex] = [parameters[[place, 0]], parameters[[place, 1]]];
+        sides[vertex] = on_loop[place];
     }
     Ok(sides)
 }

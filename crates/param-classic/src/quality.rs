@@ -36,6 +36,23 @@ pub struct MapQuality {
     pub area: Option<Distortion>,
 }
 
+/// Number of folded triangles that an error names.
+const FOLDED_NAMED: usize = 5;
+
+impl MapQuality {
+    /// An error if a triangle is folded.
+    pub(crate) fn check_folds(&self) -> Result<(), ParamError> {
+        if self.folded.is_empty() {
+            return Ok(());
+        }
+        Err(ParamError::FoldedTriangles {
+            count: self.folded.len(),
+            triangles: self.triangles,
+            first: self.folded.iter().take(FOLDED_NAMED).copied().collect(),
+        })
+    }
+}
+
 /// Measures the map that takes `vertices`, shape `(m, 3)`, to `uv`, shape `(m, 2)`.
 ///
 /// # Errors

@@ -200,6 +200,39 @@ pub enum CloudError {
         /// Smallest share of the perimeter between two corners.
         separation: f64,
     },
+    /// A cloud whose triangulation has no boundary.
+    #[error(
+        "the cloud of {points} points is closed, it has no boundary loop; cut it into open patches (for instance by a plane), or give \
+         the boundary points"
+    )]
+    ClosedCloud {
+        /// Number of points.
+        points: usize,
+    },
+    /// A cloud that consists of several large pieces.
+    #[error(
+        "the cloud has {} pieces with {sizes:?} points; keep the largest one, or fit the pieces one by one",
+        sizes.len()
+    )]
+    CloudPieces {
+        /// Points of each piece that is too large to be stray, largest first.
+        sizes: Vec<usize>,
+    },
+    /// No surface could be spanned over a cloud.
+    #[error(
+        "only {connected} of {points} points could be joined to one surface, at noise {noise:e} and spacing {spacing:e}; remove \
+         outliers, thin the cloud until its spacing exceeds the noise, or give the boundary points"
+    )]
+    NoSurface {
+        /// Points on the largest connected surface found.
+        connected: usize,
+        /// Number of points.
+        points: usize,
+        /// Estimated noise, in the units of the points.
+        noise: f64,
+        /// Median spacing, in the units of the points.
+        spacing: f64,
+    },
     /// An option lies outside its range.
     #[error("{name} is {value}, it must be {range}")]
     BadOption {

@@ -4,27 +4,43 @@
 //! [`drop_unreferenced`]), then [`DiskMesh::new`], which checks everything a map onto the square relies on, then
 //! [`disk_corners`].
 //!
+//! The way from an unordered cloud: [`find_outliers`], [`find_stray_pieces`] and [`thin`] where needed, then [`find_boundary`], which
+//! spans a mesh over the cloud; its [`CloudBoundary::disk_mesh`] goes the same way as a raw mesh from there.
+//!
 //! This crate never reads a file and knows nothing about splines.
 
+mod boundary;
 mod bounds;
 mod check;
+mod clean;
 mod cloud;
+mod cloud_mesh;
 mod corners;
 mod disk;
 mod duplicates;
 mod edges;
 mod error;
+mod fans;
+mod local_frame;
 mod loop_curve;
+mod neighbours;
 mod orient;
+mod orient_normals;
 mod pieces;
+mod quadric;
+mod star;
 
+pub use boundary::{BoundaryParams, CloudBoundary, find_boundary};
 pub use bounds::{BoundingBox, Normalization};
 pub use check::{LINE_TOLERANCE, MAX_COORDINATE, MIN_EXTENT, check_curve_cloud, check_finite, check_surface_cloud};
+pub use clean::{CloudPieces, Outliers, Thinned, find_outliers, find_stray_pieces, thin};
 pub use cloud::{GridShape, PointCloud, TriangleMesh};
 pub use corners::{CornerChoice, CornerParams, Corners, EDGES_PER_TANGENT, disk_corners, find_corners};
 pub use disk::{BoundaryLoop, DiskMesh};
 pub use duplicates::{Duplicates, merge_duplicate_points, merge_duplicate_vertices};
 pub use edges::{EdgeMap, HalfEdge};
 pub use error::CloudError;
+pub use local_frame::{LocalFrames, SPACING_NEIGHBOURS};
+pub use neighbours::Neighbours;
 pub use orient::orient_consistently;
 pub use pieces::{Pieces, SubMesh, drop_unreferenced, largest_piece, unreferenced_vertices};

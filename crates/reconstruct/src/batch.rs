@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use adaptive::Iteration;
 use serde::Serialize;
 
-use crate::output::is_directory;
+use crate::output::{is_directory, part_name};
 use crate::{Error, FitOptions, OutputPaths, fit_file, write_outputs, write_text};
 
 /// Where the results of a batch go, and how many parts are fitted at a time.
@@ -198,7 +198,7 @@ fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> 
     }
     let mut seen: BTreeMap<String, &PathBuf> = BTreeMap::new();
     for input in inputs {
-        let name = input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = part_name(input);
         if let Some(first) = seen.insert(name.clone(), input) {
             return Err(Error::SameName { first: first.clone(), second: input.clone(), name });
         }

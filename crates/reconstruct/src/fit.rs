@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use adaptive::{Observer, Outcome, Stop, run};
 use fit_ls::{LeastSquares, directed_hausdorff, map_to_points};
-use geom_io::{Model, ReadOptions, Scan, read_scan};
+use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2};
 use point_cloud::BoundingBox;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
@@ -55,12 +55,12 @@ impl Fit {
     }
 }
 
-/// Reads a file and fits it.
+/// Reads a file, as `options.read` says, and fits it.
 ///
 /// # Errors
 /// [`Error`].
 pub fn fit_file(path: &Path, options: &FitOptions, observer: &mut dyn Observer) -> Result<Fit, Error> {
-    let scan = read_scan(path, &ReadOptions::default())?;
+    let scan = read_scan(path, &options.read)?;
     fit_scan(scan, &path.display().to_string(), options, observer)
 }
 

@@ -40,14 +40,14 @@ pub struct Comparison {
     pub max_at_parameters: Option<f64>,
 }
 
-/// Compares a cloud with a model: distances of its points to their closest points on the surface.
+/// Compares a cloud, read as `read` says, with a model: distances of its points to their closest points on the surface.
 ///
 /// # Errors
 /// [`Error`].
-pub fn compare(model: &Path, cloud: &Path, tolerance: Tolerance) -> Result<Comparison, Error> {
+pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolerance) -> Result<Comparison, Error> {
     tolerance.check()?;
     let map = surface(model)?;
-    let scan = read_scan(cloud, &ReadOptions::default())?;
+    let scan = read_scan(cloud, read)?;
     let points = scan.cloud.points;
     let tolerance = tolerance.resolve(BoundingBox::of(points.view())?.diagonal());
     if points.ncols() != map.dim() {
@@ -97,10 +97,8 @@ pub fn eval_model(model: &Path, parameters: &Path) -> Result<Array2<f64>, Error>
         Geometry::Curve(_) => &["u"],
         Geometry::Surface(_) => &["u", "v"],
     };
-    let options = ReadOptions {
-        coordinate_columns: columns.iter().map(|&name| name.to_owned()).collect(),
-        ..ReadOptions::default()
-    };
+    let options =
+        ReadOptions { columns: columns.iter().map(|&name| name.to_owned()).collect(), ..ReadOptions::default() };
     let parameters = read_scan(parameters, &options)?.cloud.points;
     let image = match &geometry {
         Geometry::Curve(map) => eval_rows(map, &parameters)?,
@@ -186,15 +184,15 @@ pub enum Info {
     },
 }
 
-/// Tells what a file holds.
+/// Tells what a file holds; clouds and meshes are read as `read` says.
 ///
 /// # Errors
 /// [`Error`].
-pub fn info(path: &Path) -> Result<Info, Error> {
-    if ModelFormat::from_path(path) == Some(ModelFormat::Json) {
+pub fn info(path: &Path, read: &ReadOptions) -> Result<Info, Error> {
+    if read.format.is_none() && ModelFormat::from_path(path) == Some(ModelFormat::Json) {
         return Ok(model_info(&read_model(path)?));
     }
-    let scan = match read_scan(path, &ReadOptions::default()) {
+    let scan = match read_scan(path, read) {
         Err(error) if matches!(error.kind, geom_io::ReadErrorKind::HoldsModel { .. }) => {
             return Ok(model_info(&read_model(path)?));
         }

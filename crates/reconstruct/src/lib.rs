@@ -42,7 +42,7 @@ pub use output::{OutputPaths, write_outputs, write_report, write_text};
 pub use report::{InputReport, IterationReport, Report, ResultReport, SecondsReport};
 
 pub use adaptive::{Iteration, Stop};
-pub use geom_io::LengthUnit;
+pub use geom_io::{Format, LengthUnit, ReadOptions};
 
 /// The code of the book's library page, as a test.
 #[cfg(doctest)]

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use adaptive::Marking;
 use fit_ls::Lambda;
-use geom_io::LengthUnit;
+use geom_io::{LengthUnit, ReadOptions};
 use serde::{Serialize, Serializer};
 use thb_core::{MAX_DEGREE, MAX_LEVELS, Quadrature};
 
@@ -14,6 +14,9 @@ use crate::Error;
 /// Options of [`crate::fit_scan`]. The defaults need no user.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FitOptions {
+    /// How the input is read.
+    #[serde(flatten)]
+    pub read: ReadOptions,
     /// The fitting method.
     pub method: Method,
     /// Where parameters come from.
@@ -58,6 +61,7 @@ pub struct FitOptions {
 impl Default for FitOptions {
     fn default() -> Self {
         Self {
+            read: ReadOptions::default(),
             method: Method::Ls,
             param: ParameterChoice::Auto,
             degree: Pair([3, 3]),
@@ -173,7 +177,7 @@ named!(
 named!(
     /// Where parameters come from.
     ParameterChoice, "auto, given, chord, centripetal, uniform or mean-value",
-    /// Given ones, else a mean-value map of the mesh, else chord length along the grid.
+    /// Given ones, else a mean-value map of the mesh, else chord length along the grid, else by the shape of the cloud.
     Auto = "auto",
     /// Those of the file.
     Given = "given",

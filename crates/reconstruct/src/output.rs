@@ -29,7 +29,7 @@ impl OutputPaths {
         let mut paths = Self { files: Vec::new(), report: report.map(Path::to_owned) };
         for output in outputs {
             if is_directory(output) {
-                let stem = input.file_stem().unwrap_or_default().to_string_lossy();
+                let stem = part_name(input);
                 paths.files.push(output.join(format!("{stem}.step")));
                 paths.files.push(output.join(format!("{stem}.json")));
                 paths.report.get_or_insert_with(|| output.join(format!("{stem}.report.json")));
@@ -41,6 +41,16 @@ impl OutputPaths {
         }
         Ok(paths)
     }
+}
+
+/// Name of a part: its file's without the extension and without `.gz` behind that; `stdin` for standard input.
+pub(crate) fn part_name(input: &Path) -> String {
+    if input.as_os_str() == "-" {
+        return "stdin".to_owned();
+    }
+    let compressed = input.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
+    let inner = if compressed { input.with_extension("") } else { input.to_owned() };
+    inner.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// Whether an output is meant to be a directory: it is one, or its name has no extension or ends in a separator.

@@ -2,10 +2,13 @@
 
 use geom_io::Scan;
 use ndarray::{Array2, Axis};
-use param_classic::{MeshMapParams, Rule, Weights, map_disk, map_quality, parameterize_grid};
+use param_classic::{
+    BoundaryParameters, CloudMapParams, MeshMapParams, Rule, Weights, map_cloud, map_disk, map_quality,
+    parameterize_grid, side_parameters,
+};
 use point_cloud::{
-    DiskMesh, Duplicates, TriangleMesh, check_surface_cloud, drop_unreferenced, merge_duplicate_vertices,
-    unreferenced_vertices,
+    BoundaryParams, CloudBoundary, CornerParams, DiskMesh, Duplicates, TriangleMesh, check_surface_cloud,
+    drop_unreferenced, find_boundary, find_corners, merge_duplicate_vertices, unreferenced_vertices,
 };
 
 use crate::{Domain, Error, FitOptions, ParameterChoice};
@@ -13,8 +16,9 @@ use crate::{Domain, Error, FitOptions, ParameterChoice};
 /// Fewest points of a surface: four control points of the smallest bilinear one.
 const MIN_POINTS: usize = 4;
 
-/// What a raw cloud can be turned into by the user so that this version can fit it.
-const CLOUD_HINT: &str = "; give a mesh (PLY, OBJ, OFF), a gridded CSV with columns i,j, or a CSV with parameters u,v";
+/// What the user of a cloud without order can do about a parameterization that needs more.
+const CLOUD_HINT: &str =
+    "; leave --param out to have it laid out by its shape, or give a mesh, columns i,j or columns u,v";
 
 /// Points that are ready to be fitted.
 pub(crate) struct Parameterized {
@@ -53,7 +57,12 @@ pub(crate) fn parameterize(scan: Scan, options: &FitOptions) -> Result<Parameter
     };
     if let Some(weights) = mesh_weights {
         let triangles = scan.triangles.ok_or_else(|| missing("the triangles of a mesh", ""))?;
-        return map_mesh(TriangleMesh { vertices: scan.cloud.points, triangles }, weights, warnings);
+        let disk = disk_of(TriangleMesh { vertices: scan.cloud.points, triangles }, &mut warnings)?;
+        let name = match weights {
+            Weights::MeanValue => "mean-value",
+            Weights::Uniform => "uniform",
+        };
+        return map_mesh(disk, weights, name, warnings);
     }
     let duplicates = Duplicates::find(scan.cloud.points.view()).count();
     if duplicates > 0 {
@@ -73,7 +82,7 @@ pub(crate) fn parameterize(scan: Scan, options: &FitOptions) -> Result<Parameter
                 warnings,
             })
         }
-        ParameterChoice::Auto => Err(missing("parameters, triangles or grid order", CLOUD_HINT)),
+        ParameterChoice::Auto => map_unordered(scan.cloud.points, warnings),
         _ => {
             let grid = scan.cloud.grid.ok_or_else(|| missing("grid order (columns i, j)", CLOUD_HINT))?;
             let (rule, name) = match choice {
@@ -93,8 +102,8 @@ pub(crate) fn parameterize(scan: Scan, options: &FitOptions) -> Result<Parameter
     }
 }
 
-/// Maps a mesh onto the unit square.
-fn map_mesh(mesh: TriangleMesh, weights: Weights, mut warnings: Vec<String>) -> Result<Parameterized, Error> {
+/// Cleans and checks a mesh.
+fn disk_of(mesh: TriangleMesh, warnings: &mut Vec<String>) -> Result<DiskMesh, Error> {
     let (mut mesh, duplicates, dropped) = merge_duplicate_vertices(&mesh);
     if duplicates.count() > 0 {
         warnings.push(format!("{} equal vertices were merged, {dropped} triangles vanished", duplicates.count()));
@@ -108,6 +117,16 @@ fn map_mesh(mesh: TriangleMesh, weights: Weights, mut warnings: Vec<String>) -> 
     if disk.flipped() > 0 {
         warnings.push(format!("{} triangles were turned over to agree with their neighbours", disk.flipped()));
     }
+    Ok(disk)
+}
+
+/// Maps a mesh onto the unit square.
+fn map_mesh(
+    disk: DiskMesh,
+    weights: Weights,
+    name: &'static str,
+    mut warnings: Vec<String>,
+) -> Result<Parameterized, Error> {
     let map = map_disk(&disk, &MeshMapParams { weights, ..MeshMapParams::default() })?;
     if map.report.holes > 0 {
         warnings.push(format!("the mesh has {} holes; the surface spans them", map.report.holes));
@@ -119,12 +138,49 @@ fn map_mesh(mesh: TriangleMesh, weights: Weights, mut warnings: Vec<String>) -> 
         ));
     }
     let corners = map.corners.vertices(disk.outer_loop());
-    let name = match weights {
-        Weights::MeanValue => "mean-value",
-        Weights::Uniform => "uniform",
-    };
     let points = disk.into_mesh().vertices;
     Ok(Parameterized { points, parameters: map.parameters, name, corners: Some(corners), reversed: false, warnings })
+}
+
+/// Lays out a cloud without order: through a mesh that is spanned over it, or where none comes out, through its boundary
+/// and shape-preserving weights (Imperatore 2024, §4.2.1).
+fn map_unordered(points: Array2<f64>, mut warnings: Vec<String>) -> Result<Parameterized, Error> {
+    let boundary = find_boundary(points.view(), &BoundaryParams::default())?;
+    let left_out = boundary.left_out.len();
+    warnings.push("the cloud does not tell its outside: --flip turns the face normal".to_owned());
+    if boundary.triangles.is_none() {
+        warnings
+            .push("no mesh could be spanned over the cloud; it was laid out by its boundary and neighbours".to_owned());
+        return map_by_boundary(points, &boundary, warnings);
+    }
+    if left_out > 0 {
+        warnings.push(format!("{left_out} points are equal to others, stray or off the surface, and were left out"));
+    }
+    let (disk, _) = boundary.disk_mesh(points.view())?;
+    map_mesh(disk, Weights::MeanValue, "spanned mesh, mean-value", warnings)
+}
+
+fn map_by_boundary(
+    points: Array2<f64>,
+    boundary: &CloudBoundary,
+    warnings: Vec<String>,
+) -> Result<Parameterized, Error> {
+    let rows: Vec<usize> = boundary.outer.iter().map(|&row| row as usize).collect();
+    let outline = points.select(Axis(0), &rows);
+    let corners = find_corners(outline.view(), CornerParams::default())?;
+    let sides = side_parameters(outline.view(), corners.positions, Rule::ChordLength)?;
+    let corner_points = corners.positions.map(|at| boundary.outer[at]);
+    let fixed = BoundaryParameters { points: boundary.outer.clone(), parameters: sides };
+    let map = map_cloud(points.view(), &fixed, &CloudMapParams::default())?;
+    let name = "shape-preserving";
+    Ok(Parameterized {
+        points,
+        parameters: map.parameters,
+        name,
+        corners: Some(corner_points),
+        reversed: false,
+        warnings,
+    })
 }
 
 fn check_domain(parameters: &Array2<f64>, domain: Domain) -> Result<(), Error> {

@@ -67,7 +67,12 @@ fn clouds_without_order() {
         .lines()
         .skip(1)
         .fold(String::new(), |text, line| text + &line.splitn(3, ',').nth(2).unwrap().replace(',', " ") + "\n");
-    rejects("scan.xyz", &raw, &["parameters", "mesh"]);
+    let lab = Lab::with("scan.xyz", raw);
+    lab.succeeds("fit scan.xyz -o part.step --report report.json");
+    let report = lab.json("report.json");
+    assert_eq!(report["input"]["parameterization"], "spanned mesh, mean-value");
+    assert!(report["warnings"].to_string().contains("--flip"));
+    lab.fails("fit scan.xyz -o other.step --param chord", 1, &["--param chord", "grid"]);
     let lab = Lab::with("scan.off", scans::mesh());
     lab.fails("fit scan.off -o part.step --param given", 1, &["--param given", "parameters u, v"]);
     lab.fails("fit scan.off -o part.step --param chord", 1, &["--param chord", "grid"]);
@@ -108,4 +113,30 @@ fn equal_points_are_a_warning() {
     assert_eq!(lab.json("report.json")["input"]["fitted_points"], 171);
     lab.succeeds("fit soup.off -o part.json --report report.json");
     assert_eq!(lab.json("report.json")["input"]["fitted_points"], 169);
+}
+
+#[test]
+fn what_a_file_leaves_open_is_said_by_options() {
+    // Heights over x and y, in columns of other names and under an extension that tells nothing.
+    let mut text = String::from("id;easting;northing;height\n");
+    for (i, j) in (0..12).flat_map(|i| (0..12).map(move |j| (i, j))) {
+        let (x, y) = (f64::from(i) / 11.0, f64::from(j) / 11.0);
+        text += &format!("7;{x};{y};{}\n", 0.3 * x * y);
+    }
+    let lab = Lab::with("scan.dat", &text);
+    lab.fails("info scan.dat", 1, &["dat", "option format"]);
+    lab.fails("info scan.dat --format csv", 1, &["no column named x, y", "option columns"]);
+    lab.fails("info scan.dat --format dat", 2, &["--format", "xyz"]);
+    lab.fails("info scan.dat --class 300", 2, &["--class"]);
+    lab.fails("info -", 1, &["standard input", "option format"]);
+    let read = "--format csv --columns easting,northing,height --height-field";
+    assert_eq!(lab.prints_json(&format!("info scan.dat {read}"))["parameters"], true);
+    lab.succeeds(&format!("fit scan.dat {read} -o part.json --report report.json"));
+    let report = lab.json("report.json");
+    assert_eq!(report["input"]["parameterization"], "given");
+    assert_eq!(report["options"]["columns"], serde_json::json!(["easting", "northing", "height"]));
+    assert_eq!(report["options"]["format"], "csv");
+    assert!(lab.prints_json(&format!("compare part.json scan.dat {read}"))["dhd"].as_f64().unwrap() < 1e-3);
+    lab.succeeds(&format!("fit - {read} -o out/ < scan.dat"));
+    assert!(lab.files().contains("out/stdin.report.json"), "{:?}", lab.files());
 }

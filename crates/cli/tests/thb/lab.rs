@@ -1,8 +1,9 @@
 //! A directory of its own for each test, in which `thb` is run.
 
 use std::collections::BTreeSet;
+use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -72,10 +73,16 @@ impl Lab {
         files
     }
 
-    /// Runs `thb` with arguments separated by blanks, in the directory and without a terminal.
+    /// Runs `thb` with arguments separated by blanks, in the directory and without a terminal. `< FILE` at their end
+    /// is its standard input, which is empty otherwise.
     pub(crate) fn thb(&self, arguments: &str) -> Run {
+        let (arguments, input) = match arguments.split_once(" < ") {
+            Some((arguments, file)) => (arguments, Stdio::from(File::open(self.path(file)).unwrap())),
+            None => (arguments, Stdio::null()),
+        };
         let output = Command::new(env!("CARGO_BIN_EXE_thb"))
             .args(arguments.split_whitespace())
+            .stdin(input)
             .current_dir(self.directory.path())
             .env_remove("RUST_BACKTRACE")
             .output()

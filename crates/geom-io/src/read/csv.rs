@@ -2,7 +2,7 @@
 
 use point_cloud::GridShape;
 
-use super::text::{Line, Lines, Separator, is_text, parse_number, quote, trim};
+use super::text::{Line, Lines, Separator, is_text, parse_count, parse_number, quote, trim};
 use super::{Format, ReadOptions, Scan, rows, xyz};
 use crate::error::ReadErrorKind;
 
@@ -30,7 +30,9 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
     let fields: Vec<_> = separator.fields(header.text).map(unquote).collect();
     if fields.iter().all(|field| parse_number(field).is_some()) {
         let mut scan = xyz::read(bytes, options)?;
-        scan.notes.push("no line names the columns; they were taken as x, y, z".to_owned());
+        if options.columns.is_empty() {
+            scan.notes.push("no line names the columns; they were taken as x, y, z".to_owned());
+        }
         return Ok(scan);
     }
 
@@ -73,10 +75,11 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
     Ok(scan)
 }
 
-/// Whether the fields of a line are the names of the columns looked for.
+/// Whether the fields of a line are the names of the columns looked for; numbers would fit any line.
 pub(super) fn names_coordinates(fields: &[&[u8]], options: &ReadOptions) -> bool {
     let fields: Vec<_> = fields.iter().map(|field| unquote(field)).collect();
-    Columns::find(&fields, options).is_ok()
+    let by_name = options.columns.iter().all(|column| parse_count(column.as_bytes()).is_none());
+    by_name && Columns::find(&fields, options).is_ok()
 }
 
 fn unquote(field: &[u8]) -> &[u8] {
@@ -107,14 +110,15 @@ impl Columns {
                 (place, _) => Ok(place),
             }
         };
-        let required = match &options.coordinate_columns[..] {
+        let required = match &options.columns[..] {
             [] => vec!["x", "y"],
             given => given.iter().map(String::as_str).collect(),
         };
         let mut coordinates = Vec::new();
         let mut missing = Vec::new();
         for name in required {
-            match find(name)? {
+            let by_number = || parse_count(name.as_bytes()).filter(|n| (1..=names.len()).contains(n)).map(|n| n - 1);
+            match find(name)?.or_else(by_number) {
                 Some(column) => coordinates.push(column),
                 None => missing.push(name.to_owned()),
             }
@@ -123,7 +127,7 @@ impl Columns {
             let found = names.iter().map(|name| quote(name)).collect();
             return Err(ReadErrorKind::ColumnsNotFound { missing, found });
         }
-        if options.coordinate_columns.is_empty() {
+        if options.columns.is_empty() {
             coordinates.extend(find("z")?);
         }
         // One parameter is that of a curve; v without u says nothing.

@@ -2,11 +2,19 @@
 
 mod asc;
 mod csv;
+mod decoder;
+mod e57;
 mod faces;
+mod format;
 mod gismo;
+mod height_field;
+mod las;
 mod obj;
 mod off;
+mod pcd;
 mod ply;
+mod source;
+mod stl;
 mod text;
 mod xyz;
 
@@ -14,81 +22,24 @@ use std::path::Path;
 
 use ndarray::Array2;
 use point_cloud::PointCloud;
+use serde::Serialize;
 
+pub use self::format::Format;
 use crate::error::{ReadError, ReadErrorKind};
 
-/// A file format that holds a scan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Format {
-    /// Stanford PLY, ASCII or binary: cloud or mesh.
-    Ply,
-    /// Wavefront OBJ: cloud or mesh.
-    Obj,
-    /// Object File Format (OFF, and its variants with colours, normals, texture): cloud or mesh.
-    Off,
-    /// Text with one point a line.
-    Xyz,
-    /// Text with one point a line and a line that names the columns.
-    Csv,
-    /// ESRI ASCII grid of heights.
-    EsriGrid,
-    /// G+Smo XML with a matrix of parameters and one of points.
-    GismoXml,
-}
-
-impl Format {
-    /// All formats.
-    pub const ALL: [Self; 7] = [Self::Ply, Self::Obj, Self::Off, Self::Xyz, Self::Csv, Self::EsriGrid, Self::GismoXml];
-
-    /// The format's name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ply => "PLY",
-            Self::Obj => "OBJ",
-            Self::Off => "OFF",
-            Self::Xyz => "XYZ",
-            Self::Csv => "CSV",
-            Self::EsriGrid => "ESRI ASCII grid",
-            Self::GismoXml => "G+Smo XML",
-        }
-    }
-
-    /// Extensions of the format's files, in lower case and without the dot.
-    pub fn extensions(self) -> &'static [&'static str] {
-        match self {
-            Self::Ply => &["ply"],
-            Self::Obj => &["obj"],
-            Self::Off => &["off"],
-            Self::Xyz => &["xyz", "txt", "pts"],
-            Self::Csv => &["csv"],
-            Self::EsriGrid => &["asc"],
-            Self::GismoXml => &["xml"],
-        }
-    }
-
-    /// The format that the extension of a path, in upper or lower case, stands for.
-    ///
-    /// # Errors
-    /// [`ReadErrorKind::UnknownExtension`].
-    pub fn from_path(path: &Path) -> Result<Self, ReadErrorKind> {
-        let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-        let known = Self::ALL.into_iter().find(|f| f.extensions().contains(&extension.as_str()));
-        known.ok_or_else(|| {
-            let supported: Vec<_> = Self::ALL.iter().flat_map(|f| f.extensions()).map(|e| format!(".{e}")).collect();
-            ReadErrorKind::UnknownExtension { extension, supported: supported.join(", ") }
-        })
-    }
-}
-
 /// How to read where a file leaves it open.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ReadOptions {
-    /// The format; `None` goes by the file's extension.
+    /// The format; `None` goes by the file's extension. Standard input needs one.
     pub format: Option<Format>,
-    /// Names of the CSV columns that hold the coordinates, in their order; empty stands for
-    /// `x`, `y` and, where it is there, `z`. Upper and lower case are the same.
-    pub coordinate_columns: Vec<String>,
+    /// Columns of a CSV or XYZ file that hold the coordinates, in their order: names, upper and lower case being the
+    /// same, or numbers from 1 on. Empty stands for `x`, `y` and, where it is there, `z`; without names for the first
+    /// three columns.
+    pub columns: Vec<String>,
+    /// Classes of a LAS or LAZ file whose points are read; empty for all.
+    pub classes: Vec<u8>,
+    /// Whether x and y, each from 0 to 1 over its own extent, become the parameters of points that have none.
+    pub height_field: bool,
 }
 
 /// What a file held.
@@ -111,14 +62,18 @@ impl Scan {
     }
 }
 
-/// Reads a point cloud or mesh.
+/// Reads a point cloud or mesh from a file, which may be compressed by gzip; the path `-` is standard input.
 ///
 /// # Errors
 /// [`ReadError`] with the path and the violated condition; see [`ReadErrorKind`].
 pub fn read_scan(path: &Path, options: &ReadOptions) -> Result<Scan, ReadError> {
     let read = || {
-        let format = options.format.map_or_else(|| Format::from_path(path), Ok)?;
-        parse_scan(&std::fs::read(path)?, format, options)
+        let format = match options.format {
+            Some(format) => format,
+            None if source::is_standard_input(path) => return Err(ReadErrorKind::FormatNeeded),
+            None => Format::from_path(path)?,
+        };
+        parse_scan(&source::read(path)?, format, options)
     };
     let scan = read().map_err(|kind| ReadError { path: path.to_owned(), kind })?;
     tracing::debug!(
@@ -128,33 +83,47 @@ pub fn read_scan(path: &Path, options: &ReadOptions) -> Result<Scan, ReadError> 
     Ok(scan)
 }
 
-/// Reads a point cloud or mesh from the bytes of a file; `options.format` is not used.
+/// Reads a point cloud or mesh from the bytes of a file, which may be compressed by gzip; `options.format` is not used.
 ///
 /// # Errors
 /// [`ReadErrorKind`], the violated condition.
 pub fn parse_scan(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
-    const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
-    const UTF16_MARKS: [&[u8]; 2] = [b"\xff\xfe", b"\xfe\xff"];
-    let bytes = bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes);
-    if UTF16_MARKS.iter().any(|mark| bytes.starts_with(mark)) {
-        return Err(ReadErrorKind::NotText { line: 1 });
-    }
+    let bytes = &*source::decompress(bytes)?;
+    let bytes = if format.opens_with_text() { source::without_mark(bytes)? } else { bytes };
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(ReadErrorKind::Empty);
     }
-    let scan = match format {
+    let mut scan = match format {
         Format::Ply => ply::read(bytes),
         Format::Obj => obj::read(bytes),
         Format::Off => off::read(bytes),
+        Format::Stl => stl::read(bytes),
         Format::Xyz => xyz::read(bytes, options),
         Format::Csv => csv::read(bytes, options),
         Format::EsriGrid => asc::read(bytes, options),
+        Format::Pcd => pcd::read(bytes),
+        Format::Las => las::read(bytes, &options.classes),
+        Format::E57 => e57::read(bytes),
         Format::GismoXml => gismo::read(bytes),
     }?;
-    match scan.cloud.points.is_empty() {
-        true => Err(ReadErrorKind::NoPoints),
-        false => Ok(scan),
+    // What was asked for and cannot be had is no result.
+    if !options.columns.is_empty() && !matches!(scan.format, Format::Xyz | Format::Csv) {
+        return Err(ReadErrorKind::OptionOfOtherFormat {
+            option: "columns",
+            of: "XYZ and CSV",
+            format: scan.format.name(),
+        });
     }
+    if !options.classes.is_empty() && scan.format != Format::Las {
+        return Err(ReadErrorKind::OptionOfOtherFormat { option: "class", of: "LAS", format: scan.format.name() });
+    }
+    if scan.cloud.points.is_empty() {
+        return Err(ReadErrorKind::NoPoints);
+    }
+    if options.height_field {
+        height_field::parameterize(&mut scan)?;
+    }
+    Ok(scan)
 }
 
 /// Row-major `values` as an array of `columns` columns.

@@ -35,24 +35,40 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
 
     let separator = Separator::of(first.text);
     let columns = separator.fields(first.text).count();
-    let dimension = columns.min(3);
-    if columns < 2 {
-        return Err(first.row_length(2, columns));
+    let chosen = column_indices(options)?;
+    let dimension = if chosen.is_empty() { columns.min(3) } else { chosen.len() };
+    if chosen.is_empty() {
+        if columns < 2 {
+            return Err(first.row_length(2, columns));
+        }
+        if columns > dimension {
+            notes.push(format!("columns 4 to {columns} were ignored"));
+        }
     }
-    if columns > dimension {
-        notes.push(format!("columns 4 to {columns} were ignored"));
-    }
+    let last_chosen = chosen.iter().max().map_or(0, |last| last + 1);
+    let mut row = Vec::new();
 
     let mut values = Vec::with_capacity(announced.unwrap_or(0).min(bytes.len() / SHORTEST_LINE) * dimension);
     let mut line = Some(first);
     while let Some(current) = line {
         let mut fields = separator.fields(current.text);
-        for found in 0..dimension {
-            let field = fields.next().ok_or_else(|| current.row_length(dimension, found))?;
-            values.push(current.coordinate(field)?);
-        }
-        if dimension == 2 && fields.next().is_some() {
-            return Err(current.row_length(2, 3 + fields.count()));
+        if chosen.is_empty() {
+            for found in 0..dimension {
+                let field = fields.next().ok_or_else(|| current.row_length(dimension, found))?;
+                values.push(current.coordinate(field)?);
+            }
+            if dimension == 2 && fields.next().is_some() {
+                return Err(current.row_length(2, 3 + fields.count()));
+            }
+        } else {
+            row.clear();
+            row.extend(fields.take(last_chosen));
+            if row.len() < last_chosen {
+                return Err(current.row_length(last_chosen, row.len()));
+            }
+            for &column in &chosen {
+                values.push(current.coordinate(row[column])?);
+            }
         }
         line = next_line();
     }
@@ -70,6 +86,15 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
     let mut scan = Scan::new(Format::Xyz, rows(values, dimension));
     scan.notes = notes;
     Ok(scan)
+}
+
+/// The chosen columns, counted from 0; none where the first two or three are taken.
+fn column_indices(options: &ReadOptions) -> Result<Vec<usize>, ReadErrorKind> {
+    let index = |column: &String| {
+        let number = parse_count(column.as_bytes()).filter(|&number| number > 0);
+        number.map(|number| number - 1).ok_or_else(|| ReadErrorKind::ColumnNumber { column: column.clone() })
+    };
+    options.columns.iter().map(index).collect()
 }
 
 fn before_comment(text: &[u8]) -> &[u8] {

@@ -1,0 +1,140 @@
+//! ASPRS LAS, and LAZ, its compressed form: scaled coordinates and classes.
+
+use std::collections::BTreeMap;
+use std::io::{Cursor, ErrorKind};
+
+use las::{PointData, Reader};
+
+use super::decoder::shielded;
+use super::text::finite;
+use super::{Format, Scan, rows};
+use crate::error::{Location, ReadErrorKind};
+
+const NAME: &str = "LAS";
+
+/// Points decoded at a time: bounds the memory reserved for an announced number of points.
+const BATCH: u64 = 1 << 16;
+
+/// Where the minor version stands, the offset of the points, and from version 1.4 on the place and number of extended
+/// records (LAS 1.4 R15, table 3).
+const MINOR_VERSION: usize = 25;
+const POINT_OFFSET: usize = 96;
+const EXTENDED_RECORDS: std::ops::Range<usize> = 235..247;
+
+/// Bytes of the smallest point record.
+const LEAST_RECORD: usize = 20;
+
+/// Reads the points of the given classes, all where none are given. Points marked as withheld are left out, as the
+/// standard asks.
+pub(super) fn read(bytes: &[u8], classes: &[u8]) -> Result<Scan, ReadErrorKind> {
+    let mut bytes = bytes.to_vec();
+    drop_extended_records(&mut bytes);
+    check_chunk_count(&bytes)?;
+    let picked = shielded(NAME, || {
+        let mut reader = Reader::new(Cursor::new(bytes)).map_err(malformed)?;
+        let count = reader.header().number_of_points();
+        let mut picked = Picked::default();
+        let mut done = 0;
+        while done < count {
+            let batch = reader.read_points(BATCH.min(count - done)).map_err(|error| match error {
+                las::Error::Io(io) if io.kind() == ErrorKind::UnexpectedEof => cut_off(count),
+                other => malformed(other),
+            })?;
+            // A reader at the end gives what it has.
+            if batch.is_empty() {
+                return Err(cut_off(count));
+            }
+            picked.add(&batch, classes, done as usize)?;
+            done += batch.len() as u64;
+        }
+        Ok(picked)
+    })?;
+    let found: Vec<_> = picked.classes.into_iter().collect();
+    if picked.coordinates.is_empty() && !found.is_empty() {
+        return Err(ReadErrorKind::NoPointsOfClass { wanted: classes.to_vec(), found });
+    }
+    let mut scan = Scan::new(Format::Las, rows(picked.coordinates, 3));
+    if picked.withheld > 0 {
+        scan.notes.push(format!("{} points are marked as withheld and were left out", picked.withheld));
+    }
+    if classes.is_empty() && found.len() > 1 {
+        let list: Vec<_> = found.iter().map(|(class, points)| format!("{class} ({points} points)")).collect();
+        scan.notes.push(format!("points of all classes were read: {}; the option class picks some", list.join(", ")));
+    }
+    Ok(scan)
+}
+
+/// Points that were picked, and what there was.
+#[derive(Default)]
+struct Picked {
+    coordinates: Vec<f64>,
+    /// Points of each class that are not withheld.
+    classes: BTreeMap<u8, usize>,
+    withheld: usize,
+}
+
+impl Picked {
+    fn add(&mut self, batch: &PointData, classes: &[u8], first: usize) -> Result<(), ReadErrorKind> {
+        // The mark stands among the class's bits in the older point formats, in a byte of its own in the newer ones.
+        let (byte, bit) = if batch.format().is_extended { (15, 1 << 2) } else { (15, 1 << 7) };
+        let records = batch.raw_bytes().chunks_exact(batch.record_len().max(LEAST_RECORD));
+        let xyz = batch.x().zip(batch.y()).zip(batch.z());
+        for (k, ((record, class), ((x, y), z))) in records.zip(batch.classification()).zip(xyz).enumerate() {
+            if record[byte] & bit != 0 {
+                self.withheld += 1;
+                continue;
+            }
+            *self.classes.entry(class).or_default() += 1;
+            if !classes.is_empty() && !classes.contains(&class) {
+                continue;
+            }
+            for coordinate in [x, y, z] {
+                let location = || Location::Record { element: "point".to_owned(), index: first + k };
+                self.coordinates.push(finite(coordinate, location)?);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Extended records hold nothing that is needed, and their lengths are reserved before they are checked.
+fn drop_extended_records(bytes: &mut [u8]) {
+    if bytes.get(MINOR_VERSION).is_some_and(|&minor| minor >= 4)
+        && let Some(records) = bytes.get_mut(EXTENDED_RECORDS)
+    {
+        records.fill(0);
+    }
+}
+
+/// Room for the table of chunks of a LAZ file is reserved before it is checked. A chunk holds a point at least.
+fn check_chunk_count(bytes: &[u8]) -> Result<(), ReadErrorKind> {
+    fn number<const N: usize>(bytes: &[u8], start: usize) -> Option<[u8; N]> {
+        bytes.get(start..)?.first_chunk().copied()
+    }
+    // The table's place stands before the points, or, where that could not be written, at the end.
+    let points = number(bytes, POINT_OFFSET).map(u32::from_le_bytes).unwrap_or_default() as usize;
+    for place in [points, bytes.len().saturating_sub(8)] {
+        let table = number(bytes, place).and_then(|table| usize::try_from(i64::from_le_bytes(table)).ok());
+        let chunks = table.and_then(|table| number(bytes, table.checked_add(4)?)).map(u32::from_le_bytes);
+        let is_compressed = bytes.get(104).is_some_and(|format| format & 0xc0 != 0);
+        let is_used = table.is_some_and(|table| table > points);
+        if is_compressed && is_used {
+            return match chunks {
+                Some(chunks) if chunks as usize > bytes.len() / LEAST_RECORD => Err(ReadErrorKind::Malformed {
+                    format: NAME,
+                    reason: format!("the table announces {chunks} chunks, more than fit into the file"),
+                }),
+                _ => Ok(()),
+            };
+        }
+    }
+    Ok(())
+}
+
+fn cut_off(count: u64) -> ReadErrorKind {
+    ReadErrorKind::Malformed { format: NAME, reason: format!("they end before the {count} points of the header") }
+}
+
+fn malformed(error: las::Error) -> ReadErrorKind {
+    ReadErrorKind::Malformed { format: NAME, reason: error.to_string() }
+}

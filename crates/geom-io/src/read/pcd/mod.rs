@@ -1,0 +1,124 @@
+//! Point Cloud Data, version 0.7 and before: ASCII, binary and compressed binary.
+//!
+//! Of the fields `x`, `y` and `z` are read. Points that are not a number are the format's way to say that a pixel of
+//! the sensor saw nothing; they are left out. The viewpoint is not applied, as in the Point Cloud Library.
+
+mod header;
+mod lzf;
+
+use point_cloud::GridShape;
+
+use self::header::{Encoding, Field, Header, before_comment, total};
+use super::text::{Lines, finite};
+use super::{Format, Scan, rows};
+use crate::error::{Location, ReadErrorKind};
+
+/// Shortest line of a point, `0 0 0` and its end: bounds the memory reserved for an announced number of points.
+const SHORTEST_LINE: usize = 6;
+
+pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
+    let mut lines = Lines::new(bytes);
+    let header = Header::parse(&mut lines)?;
+    let (points, read) = match header.encoding {
+        Encoding::Ascii => read_text(&header, lines),
+        Encoding::Binary => read_binary(&header, lines.rest(), Layout::ByPoint),
+        Encoding::Compressed => {
+            let expanded = expand(&header, lines.rest())?;
+            read_binary(&header, &expanded, Layout::ByField)
+        }
+    }?;
+    let blind = read - points.len() / 3;
+    let mut scan = Scan::new(Format::Pcd, rows(points, 3));
+    if blind > 0 {
+        scan.notes.push(format!("{blind} points are not a number (nothing was seen there) and were left out"));
+    } else if header.height > 1 && header.width > 1 && header.width.checked_mul(header.height) == Some(read) {
+        scan.cloud.grid = Some(GridShape { n_u: header.height, n_v: header.width });
+    }
+    Ok(scan)
+}
+
+/// Coordinates, and how many points there were with those that are not a number.
+type Points = (Vec<f64>, usize);
+
+/// Adds a point, unless it is not a number.
+fn push(points: &mut Vec<f64>, xyz: [f64; 3], location: impl Fn() -> Location) -> Result<(), ReadErrorKind> {
+    if xyz.iter().any(|c| c.is_nan()) {
+        return Ok(());
+    }
+    for coordinate in xyz {
+        points.push(finite(coordinate, &location)?);
+    }
+    Ok(())
+}
+
+fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Points, ReadErrorKind> {
+    let columns = header.coordinates.map(|field| total(&header.fields[..field], |f| f.count));
+    let expected = total(&header.fields, |f| f.count);
+    let mut points = Vec::with_capacity(3 * header.points.min(lines.rest().len() / SHORTEST_LINE));
+    let mut row = Vec::new();
+    for found in 0..header.points {
+        let line = lines.next_data(before_comment).ok_or_else(|| truncated(header, found))?;
+        row.clear();
+        row.extend(line.fields());
+        if row.len() != expected {
+            return Err(line.row_length(expected, row.len()));
+        }
+        let mut xyz = [0.0; 3];
+        for (coordinate, column) in xyz.iter_mut().zip(columns) {
+            *coordinate = line.number(row[column])?;
+        }
+        push(&mut points, xyz, || line.location())?;
+    }
+    Ok((points, header.points))
+}
+
+/// The order of binary values.
+#[derive(Clone, Copy)]
+enum Layout {
+    /// All fields of the first point, then of the second.
+    ByPoint,
+    /// The first field of all points, then the second.
+    ByField,
+}
+
+fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Points, ReadErrorKind> {
+    let record = total(&header.fields, Field::width);
+    let found = bytes.len() / record;
+    if found < header.points {
+        return Err(truncated(header, found));
+    }
+    let offsets = header.coordinates.map(|field| total(&header.fields[..field], Field::width));
+    let mut points = Vec::with_capacity(3 * header.points);
+    for index in 0..header.points {
+        let mut xyz = [0.0; 3];
+        for axis in 0..3 {
+            let field = &header.fields[header.coordinates[axis]];
+            let start = match layout {
+                Layout::ByPoint => index * record + offsets[axis],
+                Layout::ByField => offsets[axis] * header.points + index * field.width(),
+            };
+            let number = bytes.get(start..).and_then(|bytes| field.number(bytes));
+            xyz[axis] = number.ok_or_else(|| truncated(header, index))?;
+        }
+        push(&mut points, xyz, || Location::Record { element: "point".to_owned(), index })?;
+    }
+    Ok((points, header.points))
+}
+
+/// Compressed data: their size, their size when expanded, and they.
+fn expand(header: &Header, bytes: &[u8]) -> Result<Vec<u8>, ReadErrorKind> {
+    let damaged = |reason: &str| ReadErrorKind::Malformed { format: "PCD", reason: reason.to_owned() };
+    let size = |bytes: &[u8]| bytes.first_chunk().map(|&size| u32::from_le_bytes(size) as usize);
+    let sizes = size(bytes).zip(bytes.get(4..).and_then(size));
+    let (compressed, expanded) = sizes.ok_or_else(|| damaged("they are cut off"))?;
+    if header.points.checked_mul(total(&header.fields, Field::width)) != Some(expanded) {
+        return Err(damaged("the expanded size is not that of the points in the header"));
+    }
+    let data = bytes.get(8..).and_then(|data| data.get(..compressed));
+    let data = data.ok_or_else(|| damaged("they are cut off"))?;
+    lzf::decompress(data, expanded).ok_or_else(|| damaged("the compressed bytes are damaged"))
+}
+
+fn truncated(header: &Header, found: usize) -> ReadErrorKind {
+    ReadErrorKind::Truncated { element: "point".to_owned(), expected: header.points, found }
+}

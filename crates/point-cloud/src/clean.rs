@@ -1,0 +1,240 @@
+//! Outliers, stray pieces and thinning. Nothing is removed here: each function says which points stay and why.
+
+use ndarray::ArrayView2;
+
+use crate::edges::DisjointSets;
+use crate::local_frame::{NORMAL_MEDIAN, median};
+use crate::neighbours::{CloudTree, Neighbours, rows};
+use crate::{BoundingBox, CloudError, SPACING_NEIGHBOURS};
+
+/// Points whose neighbours are unusually far away.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outliers {
+    /// Rows of the other points, increasing.
+    pub kept: Vec<usize>,
+    /// Rows of the outliers, increasing.
+    pub removed: Vec<usize>,
+    /// Mean distance to the `k` nearest beyond which a point counts as an outlier.
+    pub limit: f64,
+}
+
+/// Finds statistical outliers among `points`, shape `(m, 3)`: the logarithm of the mean distance to the `k` nearest points exceeds the
+/// median by more than `factor` robust standard deviations (MAD / 0.6745).
+///
+/// Logarithms, because densities vary by factors. A usual choice is `k = 12`, `factor = 5`; clusters of more than `k` stray points
+/// are found by [`find_stray_pieces`] instead.
+///
+/// # Errors
+/// [`CloudError::BadOption`] unless `k ≥ 1` and `factor` is positive; those of [`Neighbours::nearest`].
+pub fn find_outliers(points: ArrayView2<'_, f64>, k: usize, factor: f64) -> Result<Outliers, CloudError> {
+    // The points of a perfect lattice have no spread at all; at its corners neighbours are about twice as far as inside.
+    const LEAST_SPREAD: f64 = 0.2;
+    if k == 0 {
+        return Err(CloudError::BadOption { name: "k", value: 0.0, range: "at least 1" });
+    }
+    if !(factor > 0.0 && factor.is_finite()) {
+        return Err(CloudError::BadOption { name: "factor", value: factor, range: "positive and finite" });
+    }
+    let neighbours = Neighbours::nearest(points, k)?;
+    // Equal points have distance zero; the smallest normal number keeps their logarithm finite.
+    let log_mean = |i: usize| {
+        let d = neighbours.distances_of(i);
+        (d.iter().sum::<f64>() / d.len().max(1) as f64).max(f64::MIN_POSITIVE).ln()
+    };
+    let logs: Vec<f64> = (0..points.nrows()).map(log_mean).collect();
+    let middle = median(logs.clone());
+    let spread = (median(logs.iter().map(|l| (l - middle).abs()).collect()) / NORMAL_MEDIAN).max(LEAST_SPREAD);
+    let limit = middle + factor * spread;
+    let (kept, removed) = (0..logs.len()).partition(|&i| logs[i] <= limit);
+    Ok(Outliers { kept, removed, limit: limit.exp() })
+}
+
+/// The connected pieces of a cloud.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CloudPieces {
+    /// Piece of each point, shape `(m,)`.
+    pub piece_of: Vec<usize>,
+    /// Points of each piece, largest first; of equal ones that with the first point is earlier.
+    pub sizes: Vec<usize>,
+}
+
+impl CloudPieces {
+    /// Rows of the points in pieces of at least `share` of all points, increasing, and of the others: the stray ones.
+    pub fn split(&self, share: f64) -> (Vec<usize>, Vec<usize>) {
+        let least = share * self.piece_of.len() as f64;
+        (0..self.piece_of.len()).partition(|&i| self.sizes[self.piece_of[i]] as f64 >= least)
+    }
+}
+
+/// Finds the connected pieces of `points`, shape `(m, 3)`: two points are joined when one is among the 24 nearest of the other and
+/// not farther than `reach` times the larger spacing (mean distance to the six nearest) of both.
+///
+/// A usual choice is `reach = 3`.
+///
+/// # Errors
+/// [`CloudError::BadOption`] unless `reach` is positive and finite; those of [`Neighbours::nearest`].
+pub fn find_stray_pieces(points: ArrayView2<'_, f64>, reach: f64) -> Result<CloudPieces, CloudError> {
+    // Enough to reach over a dense region's rim into a thin one next to it.
+    const GRAPH_NEIGHBOURS: usize = 24;
+    if !(reach > 0.0 && reach.is_finite()) {
+        return Err(CloudError::BadOption { name: "reach", value: reach, range: "positive and finite" });
+    }
+    let neighbours = Neighbours::nearest(points, GRAPH_NEIGHBOURS)?;
+    let m = points.nrows();
+    let spacing: Vec<f64> = (0..m)
+        .map(|i| {
+            let d = neighbours.distances_of(i);
+            let d = &d[..d.len().min(SPACING_NEIGHBOURS)];
+            d.iter().sum::<f64>() / d.len().max(1) as f64
+        })
+        .collect();
+    // The spacing of an outlier is large itself; the median of its neighbourhood is not.
+    let local: Vec<f64> = (0..m)
+        .map(|i| median(neighbours.of(i).iter().take(SPACING_NEIGHBOURS).map(|&j| spacing[j as usize]).collect()))
+        .collect();
+    let mut sets = DisjointSets::new(m);
+    for i in 0..m {
+        for (&j, &d) in neighbours.of(i).iter().zip(neighbours.distances_of(i)) {
+            if d <= reach * local[i].max(local[j as usize]) {
+                sets.join(i as u32, j);
+            }
+        }
+    }
+    let roots: Vec<usize> = (0..m as u32).map(|i| sets.root(i) as usize).collect();
+    let mut size = vec![0; m];
+    roots.iter().for_each(|&r| size[r] += 1);
+    let mut order: Vec<usize> = (0..m).filter(|&r| size[r] > 0).collect();
+    order.sort_by_key(|&r| std::cmp::Reverse(size[r]));
+    let mut rank = vec![0; m];
+    order.iter().enumerate().for_each(|(k, &r)| rank[r] = k);
+    Ok(CloudPieces {
+        piece_of: roots.iter().map(|&r| rank[r]).collect(),
+        sizes: order.iter().map(|&r| size[r]).collect(),
+    })
+}
+
+/// A well-spread part of a cloud.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thinned {
+    /// Rows of the points that stay, increasing.
+    pub kept: Vec<usize>,
+    /// No two of them are closer than this, and every other point is at most this far from one of them; 0 if all stay.
+    pub distance: f64,
+}
+
+/// Thins `points`, shape `(m, 3)`, to at most `n`: a Poisson-disk sample, the points taken in the order of their rows.
+///
+/// A point stays unless an earlier one that stays is closer than a distance, which is bisected until between 0.9 `n` and `n`
+/// points stay. No random numbers are used.
+///
+/// # Errors
+/// [`CloudError::BadOption`] for `n = 0`; those of [`Neighbours::nearest`].
+pub fn thin(points: ArrayView2<'_, f64>, n: usize) -> Result<Thinned, CloudError> {
+    // Twenty halvings reach a millionth of the diagonal; counts rarely need more than eight.
+    const HALVINGS: usize = 24;
+    if n == 0 {
+        return Err(CloudError::BadOption { name: "n", value: 0.0, range: "at least 1" });
+    }
+    let rows = rows(points)?;
+    let tree = CloudTree::new(&rows)?;
+    let m = rows.len();
+    if m <= n {
+        return Ok(Thinned { kept: (0..m).collect(), distance: 0.0 });
+    }
+    // Beyond the diagonal only the first point stays.
+    let diagonal = BoundingBox::of(points)?.diagonal();
+    let (mut low, mut high) = (0.0, 1.001 * diagonal);
+    let mut best = Thinned { kept: vec![0], distance: high };
+    // On a surface n points are about diagonal / √n apart: a start near the answer keeps the balls small.
+    let mut distance = diagonal / (n as f64).sqrt();
+    for _ in 0..HALVINGS {
+        let kept = spread(&tree, m, distance, n);
+        match kept {
+            Some(kept) => {
+                high = distance;
+                let enough = 10 * kept.len() >= 9 * n;
+                best = Thinned { kept, distance };
+                if enough {
+                    break;
+                }
+            }
+            None => low = distance,
+        }
+        distance = if high > diagonal { 1.5 * distance } else { 0.5 * (low + high) };
+        distance = distance.min(high);
+    }
+    Ok(best)
+}
+
+/// The greedy sample with the given distance, unless it has more than `n` points.
+fn spread(tree: &CloudTree<'_>, m: usize, distance: f64, n: usize) -> Option<Vec<usize>> {
+    let mut covered = vec![false; m];
+    let mut kept = Vec::new();
+    for i in 0..m {
+        if !covered[i] {
+            if kept.len() == n {
+                return None;
+            }
+            kept.push(i);
+            tree.within(i, distance).into_iter().for_each(|(_, j)| covered[j as usize] = true);
+        }
+    }
+    Some(kept)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array2, concatenate};
+
+    fn sheet(side: usize) -> Array2<f64> {
+        Array2::from_shape_fn((side * side, 3), |(i, k)| {
+            let (x, y) = ((i / side) as f64, (i % side) as f64);
+            // A lattice shaken by irrational steps.
+            [x + 0.3 * (7.1 * i as f64).sin(), y + 0.3 * (3.7 * i as f64).cos(), 0.1 * x][k]
+        })
+    }
+
+    #[test]
+    fn planted_outliers_are_named_and_no_others() {
+        let good = sheet(30);
+        let bad = Array2::from_shape_fn((5, 3), |(i, k)| [6.0 * i as f64, 10.0, 20.0 + 5.0 * i as f64][k]);
+        let cloud = concatenate![ndarray::Axis(0), good, bad];
+        let outliers = find_outliers(cloud.view(), 12, 5.0).unwrap();
+        assert_eq!(outliers.removed, [900, 901, 902, 903, 904]);
+        assert_eq!(outliers.kept.len(), 900);
+        assert!(find_outliers(good.view(), 12, 5.0).unwrap().removed.is_empty());
+        assert!(matches!(find_outliers(good.view(), 0, 5.0), Err(CloudError::BadOption { name: "k", .. })));
+    }
+
+    #[test]
+    fn pieces_are_told_apart_whatever_their_density() {
+        let (coarse, fine) = (sheet(20), sheet(12) * 0.2 + 40.0);
+        let cloud = concatenate![ndarray::Axis(0), fine, coarse];
+        let pieces = find_stray_pieces(cloud.view(), 3.0).unwrap();
+        assert_eq!(pieces.sizes, [400, 144]);
+        let (kept, stray) = pieces.split(0.5);
+        assert_eq!((kept.len(), stray), (400, (0..144).collect::<Vec<_>>()));
+    }
+
+    #[test]
+    fn a_thinned_cloud_is_spread_and_covers_the_rest() {
+        let cloud = sheet(40);
+        for n in [1, 10, 200, 1599, 1600, 5000] {
+            let Thinned { kept, distance } = thin(cloud.view(), n).unwrap();
+            assert!(kept.len() <= n && (n < 10 || 10 * kept.len() >= 7 * n.min(1600)), "{n}: {}", kept.len());
+            let gap = |i: usize, j: usize| {
+                let d = &cloud.row(i) - &cloud.row(j);
+                d.dot(&d).sqrt()
+            };
+            for i in 0..cloud.nrows() {
+                let nearest = kept.iter().filter(|&&j| j != i).map(|&j| gap(i, j)).fold(f64::INFINITY, f64::min);
+                if kept.binary_search(&i).is_ok() {
+                    assert!(nearest > distance || kept.len() == 1600);
+                } else {
+                    assert!(nearest <= distance);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! Normals, curvatures, spacing and noise of a cloud from local fits.
+
+use ndarray::{Array1, Array2, ArrayView2};
+use rayon::prelude::*;
+
+use crate::disk::{cross, dot, sub, unit};
+use crate::neighbours::{CloudTree, rows};
+use crate::orient_normals::orient;
+use crate::quadric::{Quadric, principal_axes};
+use crate::{CloudError, check_surface_cloud};
+
+/// Neighbours whose mean distance is the local spacing: the six of a hexagonal lattice.
+pub const SPACING_NEIGHBOURS: usize = 6;
+
+/// Fewest neighbours of a local fit: three times the six coefficients of a quadric.
+const FEWEST_NEIGHBOURS: usize = 18;
+
+/// Most neighbours of a local fit. Noise that needs more is several spacings thick; thin such a cloud first.
+const MOST_NEIGHBOURS: usize = 320;
+
+/// Points on which the number of neighbours is chosen.
+const SCALE_SAMPLE: usize = 400;
+
+/// Median of the absolute value of a standard normal variable.
+pub(crate) const NORMAL_MEDIAN: f64 = 0.6745;
+
+/// What local fits tell about each point of a cloud; lengths in the units of the points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocalFrames {
+    /// Unit normals, shape `(m, 3)`, on one side of the surface in each connected part.
+    pub normals: Array2<f64>,
+    /// Principal curvatures, smaller first, shape `(m, 2)`; positive where the surface bends towards the normal.
+    pub curvatures: Array2<f64>,
+    /// Mean distance to the [`SPACING_NEIGHBOURS`] nearest points, shape `(m,)`.
+    pub spacing: Array1<f64>,
+    /// Each point moved along the normal of its fit onto the fit, shape `(m, 3)`.
+    pub smoothed: Array2<f64>,
+    /// Standard deviation of the noise along the normals, from the median of the residuals.
+    pub noise: f64,
+    /// Number of neighbours of each fit.
+    pub neighbours: usize,
+}
+
+impl LocalFrames {
+    /// Fits a quadric over the tangent plane to the neighbours of each of `points`, shape `(m, 3)`.
+    ///
+    /// The number of neighbours is the one for which the neighbourhoods are flattest (median over a sample): small ones
+    /// are thick from noise, large ones from curvature. Normals are those of the quadrics, oriented along a minimum
+    /// spanning tree (Hoppe et al. 1992, §3.3); the sign of each connected part is such that the largest
+    /// component of the sum of its normals is positive. O(m k log m).
+    ///
+    /// # Errors
+    /// Those of [`check_surface_cloud`] for 8 points, [`CloudError::WrongDimension`].
+    pub fn estimate(points: ArrayView2<'_, f64>) -> Result<Self, CloudError> {
+        let rows = rows(points)?;
+        // A quadric has six coefficients; two more points leave something to measure the residual by.
+        check_surface_cloud(points, 8)?;
+        let frames = Frames::estimate(&rows)?;
+        let array = |a: &[[f64; 3]]| Array2::from_shape_fn((a.len(), 3), |(i, k)| a[i][k]);
+        Ok(Self {
+            normals: array(&frames.normals),
+            curvatures: Array2::from_shape_fn((rows.len(), 2), |(i, k)| frames.curvatures[i][k]),
+            spacing: Array1::from_vec(frames.spacing),
+            smoothed: array(&frames.smoothed),
+            noise: frames.noise,
+            neighbours: frames.neighbours,
+        })
+    }
+}
+
+/// [`LocalFrames`] as plain arrays.
+pub(crate) struct Frames {
+    pub(crate) normals: Vec<[f64; 3]>,
+    pub(crate) curvatures: Vec<[f64; 2]>,
+    pub(crate) spacing: Vec<f64>,
+    pub(crate) smoothed: Vec<[f64; 3]>,
+    pub(crate) noise: f64,
+    pub(crate) neighbours: usize,
+}
+
+impl Frames {
+    pub(crate) fn estimate(points: &[[f64; 3]]) -> Result<Self, CloudError> {
+        let tree = CloudTree::new(points)?;
+        let k = flattest_neighbourhood(points, &tree);
+        let fits: Vec<(Fit, f64)> = (0..points.len())
+            .into_par_iter()
+            .map(|i| {
+                let near = tree.nearest(i, k);
+                let nearest = &near[..near.len().min(SPACING_NEIGHBOURS)];
+                let spacing = nearest.iter().map(|n| n.0).sum::<f64>() / nearest.len().max(1) as f64;
+                let indices: Vec<u32> = near.into_iter().map(|n| n.1).collect();
+                (Fit::at(points, i, &indices), spacing)
+            })
+            .collect();
+        let mut normals: Vec<[f64; 3]> = fits.iter().map(|f| f.0.normal).collect();
+        let flipped = orient(&tree, &mut normals);
+        let curvatures = fits
+            .iter()
+            .zip(flipped)
+            .map(|((fit, _), flip)| if flip { [-fit.curvatures[1], -fit.curvatures[0]] } else { fit.curvatures })
+            .collect();
+        Ok(Self {
+            normals,
+            curvatures,
+            spacing: fits.iter().map(|f| f.1).collect(),
+            smoothed: fits.iter().map(|f| f.0.foot).collect(),
+            noise: median(fits.iter().map(|f| f.0.residual.abs()).collect()) / NORMAL_MEDIAN,
+            neighbours: k,
+        })
+    }
+}
+
+/// The local fit at one point.
+struct Fit {
+    normal: [f64; 3],
+    curvatures: [f64; 2],
+    foot: [f64; 3],
+    residual: f64,
+}
+
+impl Fit {
+    fn at(points: &[[f64; 3]], i: usize, neighbours: &[u32]) -> Self {
+        let own = points[i];
+        let offsets: Vec<[f64; 3]> =
+            std::iter::once([0.0; 3]).chain(neighbours.iter().map(|&j| sub(points[j as usize], own))).collect();
+        let axes = principal_axes(&offsets);
+        let [normal, first, _] = axes.directions;
+        let second = cross(normal, first);
+        let plane = dot(axes.centre, normal);
+        let flat = Self {
+            normal,
+            curvatures: [0.0; 2],
+            foot: std::array::from_fn(|c| own[c] + plane * normal[c]),
+            residual: plane,
+        };
+        let local: Vec<[f64; 3]> = offsets.iter().map(|o| [first, second, normal].map(|axis| dot(*o, axis))).collect();
+        let Some(quadric) = Quadric::fit(&local) else { return flat };
+        let [gx, gy] = quadric.gradient();
+        // A fit steeper than 60° against the plane of its points overshoots; the plane is the better normal.
+        if gx.hypot(gy) > 3f64.sqrt() {
+            return flat;
+        }
+        let height = quadric.height();
+        Self {
+            normal: unit(std::array::from_fn(|c| normal[c] - gx * first[c] - gy * second[c])),
+            curvatures: quadric.principal_curvatures(),
+            foot: std::array::from_fn(|c| own[c] + height * normal[c]),
+            residual: height / (1.0 - quadric.leverage).max(f64::EPSILON).sqrt(),
+        }
+    }
+}
+
+/// The number of neighbours with the smallest median ratio of thickness to width.
+fn flattest_neighbourhood(points: &[[f64; 3]], tree: &CloudTree<'_>) -> usize {
+    let m = points.len();
+    let stride = m.div_ceil(SCALE_SAMPLE);
+    let sample: Vec<usize> = (0..m).step_by(stride).collect();
+    // A neighbourhood of more than an eighth of the cloud is no longer local.
+    let most = MOST_NEIGHBOURS.min(m / 8);
+    let mut best = (f64::INFINITY, FEWEST_NEIGHBOURS);
+    let mut k = FEWEST_NEIGHBOURS;
+    while k <= most.max(FEWEST_NEIGHBOURS) {
+        let thickness = sample
+            .par_iter()
+            .map(|&i| {
+                let offsets: Vec<_> =
+                    tree.nearest(i, k).into_iter().map(|n| sub(points[n.1 as usize], points[i])).collect();
+                let [thin, wide, _] = principal_axes(&offsets).variances;
+                if wide > 0.0 { (thin / wide).sqrt() } else { 1.0 }
+            })
+            .collect();
+        let thickness = median(thickness);
+        if thickness < best.0 {
+            best = (thickness, k);
+        }
+        k = k * 4 / 3;
+    }
+    best.1
+}
+
+/// The median; zero without a value.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+#[path = "local_frame_tests.rs"]
+mod tests;

@@ -1,0 +1,195 @@
+//! Nearest and radius neighbours of all points of a cloud.
+
+use std::num::NonZero;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use ndarray::ArrayView2;
+use rayon::prelude::*;
+
+use crate::{CloudError, check_finite};
+
+/// The neighbours of each point of a cloud, itself left out, sorted by distance and then by index.
+///
+/// Stored row after row: the neighbours of point `i` are the entries `offsets[i]..offsets[i + 1]` of the other two.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Neighbours {
+    /// Where the row of each point begins, shape `(m + 1,)`.
+    pub offsets: Vec<usize>,
+    /// Rows of the neighbours.
+    pub indices: Vec<u32>,
+    /// Their distances, in the units of the points.
+    pub distances: Vec<f64>,
+}
+
+impl Neighbours {
+    /// The `k` nearest neighbours of each of `points`, shape `(m, 3)`; all others where `k ≥ m`. O(m k log m).
+    ///
+    /// # Errors
+    /// [`CloudError::WrongDimension`], [`CloudError::TooFewPoints`] without a point, those of [`check_finite`].
+    pub fn nearest(points: ArrayView2<'_, f64>, k: usize) -> Result<Self, CloudError> {
+        Ok(CloudTree::new(&rows(points)?)?.all_nearest(k))
+    }
+
+    /// The neighbours of each of `points`, shape `(m, 3)`, at a distance of at most `radius`.
+    ///
+    /// # Errors
+    /// Those of [`Neighbours::nearest`]; [`CloudError::BadOption`] if `radius` is negative or not finite.
+    pub fn within(points: ArrayView2<'_, f64>, radius: f64) -> Result<Self, CloudError> {
+        if !(radius.is_finite() && radius >= 0.0) {
+            return Err(CloudError::BadOption { name: "radius", value: radius, range: "finite and not negative" });
+        }
+        let points = rows(points)?;
+        let tree = CloudTree::new(&points)?;
+        let lists: Vec<_> = (0..points.len()).into_par_iter().map(|i| tree.within(i, radius)).collect();
+        Ok(Self::from_lists(&lists))
+    }
+
+    /// The neighbours of point `i`, nearest first.
+    pub fn of(&self, i: usize) -> &[u32] {
+        &self.indices[self.offsets[i]..self.offsets[i + 1]]
+    }
+
+    /// The distances of the neighbours of point `i`, in the order of [`Neighbours::of`].
+    pub fn distances_of(&self, i: usize) -> &[f64] {
+        &self.distances[self.offsets[i]..self.offsets[i + 1]]
+    }
+
+    /// Number of points.
+    pub fn count(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// The smallest symmetric graph that holds this one: `j` is a neighbour of `i` whenever `i` is one of `j`.
+    pub fn symmetric(&self) -> Self {
+        let mut lists: Vec<Vec<(f64, u32)>> = vec![Vec::new(); self.count()];
+        for i in 0..self.count() {
+            for (&j, &d) in self.of(i).iter().zip(self.distances_of(i)) {
+                lists[i].push((d, j));
+                lists[j as usize].push((d, i as u32));
+            }
+        }
+        for list in &mut lists {
+            sort(list);
+            list.dedup_by_key(|entry| entry.1);
+        }
+        Self::from_lists(&lists)
+    }
+
+    pub(crate) fn from_lists(lists: &[Vec<(f64, u32)>]) -> Self {
+        let mut offsets = Vec::with_capacity(lists.len() + 1);
+        offsets.push(0);
+        offsets.extend(lists.iter().scan(0, |end, list| {
+            *end += list.len();
+            Some(*end)
+        }));
+        let entries = || lists.iter().flatten();
+        Self { offsets, indices: entries().map(|e| e.1).collect(), distances: entries().map(|e| e.0).collect() }
+    }
+}
+
+/// The rows of `points` as arrays.
+pub(crate) fn rows(points: ArrayView2<'_, f64>) -> Result<Vec<[f64; 3]>, CloudError> {
+    if points.ncols() != 3 {
+        return Err(CloudError::WrongDimension { given: points.ncols(), required: 3 });
+    }
+    check_finite(points)?;
+    Ok(points.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect())
+}
+
+/// A search tree over points of space.
+pub(crate) struct CloudTree<'a> {
+    points: &'a [[f64; 3]],
+    tree: ImmutableKdTree<f64, 3>,
+}
+
+impl<'a> CloudTree<'a> {
+    pub(crate) fn new(points: &'a [[f64; 3]]) -> Result<Self, CloudError> {
+        let too_few = CloudError::TooFewPoints { given: points.len(), required: 1 };
+        if points.is_empty() {
+            return Err(too_few);
+        }
+        // Construction fails only for clouds beyond 2^32 points.
+        let tree = ImmutableKdTree::new_from_slice(points).map_err(|_| too_few)?;
+        Ok(Self { points, tree })
+    }
+
+    /// The `k` nearest neighbours of point `i` with their distances.
+    pub(crate) fn nearest(&self, i: usize, k: usize) -> Vec<(f64, u32)> {
+        // One more than asked for: the point finds itself.
+        let count = NonZero::new(k.min(self.points.len() - 1) + 1).unwrap_or(NonZero::<usize>::MIN);
+        let found = self.tree.query(&self.points[i]).nearest_n::<SquaredEuclidean<f64>>(count).execute();
+        let mut list = self.others(i, found.iter().map(|f| (f.distance, f.item)));
+        list.truncate(k);
+        list
+    }
+
+    pub(crate) fn within(&self, i: usize, radius: f64) -> Vec<(f64, u32)> {
+        let query = self.tree.query(&self.points[i]);
+        let found = query.within::<SquaredEuclidean<f64>>(radius * radius).unsorted().execute();
+        self.others(i, found.iter().map(|f| (f.distance, f.item)))
+    }
+
+    fn others(&self, i: usize, found: impl Iterator<Item = (f64, u32)>) -> Vec<(f64, u32)> {
+        let mut list: Vec<_> = found.filter(|f| f.1 as usize != i).map(|(d, j)| (d.sqrt(), j)).collect();
+        sort(&mut list);
+        list
+    }
+
+    pub(crate) fn all_nearest(&self, k: usize) -> Neighbours {
+        let lists: Vec<_> = (0..self.points.len()).into_par_iter().map(|i| self.nearest(i, k)).collect();
+        Neighbours::from_lists(&lists)
+    }
+}
+
+fn sort(list: &mut [(f64, u32)]) {
+    list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+        #[test]
+        fn both_queries_agree_with_brute_force(coordinates in prop::collection::vec(-1.0..1.0, 30..240), k in 1usize..12) {
+            let m = coordinates.len() / 3;
+            let points = Array2::from_shape_fn((m, 3), |(i, c)| coordinates[3 * i + c]);
+            let radius = 0.7;
+            let nearest = Neighbours::nearest(points.view(), k).unwrap();
+            let within = Neighbours::within(points.view(), radius).unwrap();
+            for i in 0..m {
+                let distance = |j: u32| {
+                    let d = &points.row(j as usize) - &points.row(i);
+                    d.dot(&d).sqrt()
+                };
+                let mut all: Vec<u32> = (0..m as u32).filter(|&j| j as usize != i).collect();
+                all.sort_by(|&a, &b| distance(a).total_cmp(&distance(b)).then(a.cmp(&b)));
+                prop_assert_eq!(nearest.of(i), &all[..k.min(m - 1)]);
+                let close: Vec<u32> = all.iter().copied().filter(|&j| distance(j) <= radius).collect();
+                prop_assert_eq!(within.of(i), &close[..]);
+                for (&j, &d) in within.of(i).iter().zip(within.distances_of(i)) {
+                    prop_assert!((d - distance(j)).abs() < 1e-14);
+                }
+            }
+            let symmetric = nearest.symmetric();
+            for i in 0..m {
+                prop_assert!(nearest.of(i).iter().all(|j| symmetric.of(i).contains(j)));
+                prop_assert!(symmetric.of(i).iter().all(|&j| symmetric.of(j as usize).contains(&(i as u32))));
+            }
+        }
+    }
+
+    #[test]
+    fn a_lattice_and_equal_points_are_searched_without_trouble() {
+        let lattice = Array2::from_shape_fn((400, 3), |(i, k)| [(i / 20) as f64, (i % 20) as f64, 0.0][k]);
+        let neighbours = Neighbours::nearest(lattice.view(), 4).unwrap();
+        assert_eq!(neighbours.of(21), [1, 20, 22, 41]);
+        let equal = Array2::from_elem((100, 3), 1.0);
+        assert!((0..100).all(|i| Neighbours::nearest(equal.view(), 5).unwrap().of(i).len() == 5));
+        assert!(matches!(Neighbours::nearest(Array2::zeros((0, 3)).view(), 3), Err(CloudError::TooFewPoints { .. })));
+        assert!(matches!(Neighbours::within(lattice.view(), f64::NAN), Err(CloudError::BadOption { .. })));
+    }
+}
