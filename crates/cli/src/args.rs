@@ -88,8 +88,8 @@ const FIT_HELP: &str = "Examples:
       the ground of a terrain scan, as heights over x and y
 
 Input: meshes .ply .obj .off .stl; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
-(.csv with the columns i,j,x,y,z, or .pcd); height fields .asc, and with --height-field any cloud: .xyz .txt .pts .csv .pcd
-.las .laz .e57. All may be compressed (.xyz.gz).
+(.csv with the columns i,j,x,y,z, or .pcd); height fields .asc; unordered clouds .xyz .txt .pts .csv .pcd .las .laz .e57,
+laid out by their shape or, with --height-field, by x and y. All may be compressed (.xyz.gz).
 
 If the tolerance is not reached, the report says why: 'levels' (allow more with --levels), 'max-dofs' (--max-dofs),
 'stagnation' (noise, or parameters that do not suit the shape; try a larger --tol or another --param).";
