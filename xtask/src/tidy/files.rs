@@ -71,7 +71,7 @@ pub(super) fn sources(folder: &Path) -> Result<Vec<(PathBuf, String)>> {
 
 /// The first absolute path into a folder of a machine, with its line.
 fn machine_path(text: &str) -> Option<(usize, &str)> {
-    // What may stand before a slash that does not start an absolute path: `https://a.b/home/`, `~/work/`, `$X/tmp/`.
+    // What may stand before a slash that does not start an absolute path: `https://a.b/home/`, `~/tmp/`, `$X/tmp/`.
     let continues = |c: char| c.is_alphanumeric() || "._-~*}>)/\\".contains(c);
     for (number, line) in text.lines().enumerate() {
         for (separator, folder) in MACHINE_FOLDERS.iter().flat_map(|folder| [('/', folder), ('\\', folder)]) {
