@@ -1,3 +1,5 @@
+//! Tests of the boundary of a cloud.
+
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::*;

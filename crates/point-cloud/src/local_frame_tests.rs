@@ -1,3 +1,5 @@
+//! Tests of normals, curvatures and noise.
+
 use super::*;
 
 #[test]
