@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
-use xtask::generate::fixtures;
+use param_nn::ScatteredSpec;
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
-use xtask::{tidy, workspace_root};
+use xtask::generate::{fixtures, scattered};
+use xtask::{tables, tidy, workspace_root};
 
 /// Chores of the repository.
 #[derive(Parser)]
@@ -18,6 +19,9 @@ enum Arguments {
     /// Generate synthetic data.
     #[command(subcommand)]
     Generate(Generate),
+    /// Compute published tables anew and write them to docs/results.
+    #[command(subcommand)]
+    Tables(Tables),
 }
 
 #[derive(Subcommand)]
@@ -50,12 +54,63 @@ enum Generate {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Sample random polynomial surfaces at random parameters; one CSV file a cloud: u,v,x,y,z,boundary.
+    Scattered {
+        /// The control points.
+        #[arg(long)]
+        family: scattered::Family,
+        /// Degree of the surfaces.
+        #[arg(long, default_value_t = 2)]
+        degree: usize,
+        /// Points inside; the boundary gets 4(⌈√points⌉ + 1) further ones.
+        #[arg(long)]
+        points: usize,
+        /// Standard deviation of the noise of each coordinate, before the cloud is scaled into the unit cube.
+        #[arg(long, default_value_t = 0.0)]
+        noise: f64,
+        /// Seed of all random numbers.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// Number of clouds.
+        #[arg(long, default_value_t = 1)]
+        count: u64,
+        /// The folder to write to.
+        #[arg(long)]
+        out: PathBuf,
+    },
+}
+
+#[derive(Subcommand)]
+enum Tables {
+    /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
+    Classical {
+        /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The file to write, docs/results/classical.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
 }
 
 #[expect(clippy::print_stdout, reason = "a command-line program reports to its user")]
 fn main() -> Result<()> {
     let root = workspace_root();
     match Arguments::parse() {
+        Arguments::Tables(Tables::Classical { data, out }) => {
+            let path = out.unwrap_or_else(|| root.join("docs/results/classical.md"));
+            let text = tables::classical::document(data.as_deref())?;
+            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            if data.is_none() {
+                println!("Tables 4.7 and 4.8 need --data DIR and were left out");
+            }
+            println!("{}", path.display());
+        }
+        Arguments::Generate(Generate::Scattered { family, degree, points, noise, seed, count, out }) => {
+            let spec = ScatteredSpec { control_points: family.into(), degree, interior: points, noise };
+            let paths = scattered::write(&spec, seed, count, &out)?;
+            println!("{} clouds in {}", paths.len(), out.display());
+        }
         Arguments::Tidy => {
             let findings = tidy::check(&root)?;
             findings.iter().for_each(|finding| println!("{finding}"));

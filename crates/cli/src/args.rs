@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use reconstruct::{
-    Domain, Energy, FitOptions, Format, LambdaChoice, LengthUnit, Mark, Method, Pair, ParameterChoice, ReadOptions,
-    Tolerance,
+    BoundaryRule, Clean, Crop, Domain, Energy, FitOptions, Format, GivenCorners, LambdaChoice, LengthUnit, Mark,
+    Method, Pair, ParameterChoice, ParameterOptions, RadiusChoice, ReadOptions, Refine, Tolerance,
 };
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
@@ -32,6 +32,9 @@ pub(crate) enum Command {
     /// Fit a surface to a scan, or to many.
     #[command(after_long_help = FIT_HELP)]
     Fit(Box<FitArgs>),
+    /// Lay out a scan on the unit square: parameters, a picture of them, and how good they are.
+    #[command(after_long_help = PARAM_HELP)]
+    Param(Box<ParamArgs>),
     /// Points of a model at parameters, as CSV on standard output.
     Eval {
         /// Model, .json or .xml.
@@ -115,19 +118,11 @@ pub(crate) struct FitArgs {
     #[arg(long, default_value_t = 0)]
     threads: usize,
     #[command(flatten)]
-    read: ReadArgs,
+    layout: LayoutArgs,
 
     /// Fitting method: ls (penalized least squares with fixed parameters).
     #[arg(long, default_value_t = FitOptions::default().method, help_heading = "What is fitted")]
     method: Method,
-    /// Parameters: auto, given, chord, centripetal, uniform, mean-value. auto takes those of the file, else maps the
-    /// mesh with mean-value weights, else goes by chord length along the grid, else lays the cloud out by its shape.
-    #[arg(long, default_value_t = FitOptions::default().param, help_heading = "What is fitted")]
-    param: ParameterChoice,
-    /// Parameter domain: unit (parameters of the file must lie between 0 and 1) or data (the box of the parameters; a fixed
-    /// --lambda then applies in their units).
-    #[arg(long, default_value_t = FitOptions::default().domain, help_heading = "What is fitted")]
-    domain: Domain,
     /// Degree, for both directions or as U,V; 1 to 8.
     #[arg(long, default_value_t = FitOptions::default().degree, help_heading = "What is fitted")]
     degree: Pair,
@@ -184,9 +179,8 @@ impl FitArgs {
     /// The options of the fit.
     pub(crate) fn options(&self) -> FitOptions {
         FitOptions {
-            read: self.read.options(),
+            parameters: self.layout.options(),
             method: self.method,
-            param: self.param,
             degree: self.degree,
             mesh: self.mesh,
             lambda: self.lambda,
@@ -199,11 +193,107 @@ impl FitArgs {
             extension: self.extension,
             admissible: self.admissible,
             energy: self.energy,
-            domain: self.domain,
             units: self.units,
             flip: self.flip,
             seed: self.seed,
             threads: self.threads,
+        }
+    }
+}
+
+const PARAM_HELP: &str = "Examples:
+  thb param scan.xyz -o uv.csv -o uv.svg
+      parameters of an unordered cloud, and a picture of the square, coloured by stretch
+  thb param scan.xyz --clean outliers,stray --corners 0,17,212,96 -o uv.csv --report quality.json
+      without stray points, with corners of your choice
+
+uv.csv has the columns row,x,y,z,u,v,boundary: row is the point's in the input, counted from 0. thb fit reads it, with
+these parameters.";
+
+#[derive(Args, Debug)]
+pub(crate) struct ParamArgs {
+    /// Scan to lay out; - is standard input.
+    pub(crate) input: PathBuf,
+    /// Output: .csv, or a picture .svg; may be repeated. [default: a report on standard output only]
+    #[arg(short, long = "output", value_name = "OUT")]
+    pub(crate) outputs: Vec<PathBuf>,
+    /// Where the report goes, as JSON. [default: standard output]
+    #[arg(long, value_name = "R.json")]
+    pub(crate) report: Option<PathBuf>,
+    /// Threads; 0 for one per core.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) threads: usize,
+    #[command(flatten)]
+    pub(crate) layout: LayoutArgs,
+}
+
+/// How scans are cleaned and laid out.
+#[derive(Args, Debug)]
+pub(crate) struct LayoutArgs {
+    #[command(flatten)]
+    read: ReadArgs,
+    /// Remove points: outliers (neighbours unusually far away), stray (all pieces but the largest).
+    #[arg(long, value_delimiter = ',', value_name = "WHAT", help_heading = "How it is cleaned")]
+    clean: Vec<Clean>,
+    /// Keep at most as many points, well spread.
+    #[arg(long, value_name = "N", help_heading = "How it is cleaned")]
+    thin: Option<usize>,
+    /// Keep the points within a rectangle of x and y. The parameters of a height field are spread over what is left.
+    #[arg(long, value_name = "X0,X1,Y0,Y1", allow_hyphen_values = true, help_heading = "How it is cleaned")]
+    crop: Option<Crop>,
+    /// Keep the points over cells of a grid file (.asc) that are neither 0 nor without data.
+    #[arg(long, value_name = "GRID", help_heading = "How it is cleaned")]
+    mask: Option<PathBuf>,
+
+    /// Parameters: auto, given, chord, centripetal, uniform, mean-value, recd, lpsp. auto takes those of the file, else maps
+    /// the mesh with mean-value weights, else goes by chord length along the grid, else spans a mesh over the cloud. uniform,
+    /// recd and lpsp lay out a cloud by its boundary and weights of neighbours.
+    #[arg(long, default_value_t = ParameterOptions::default().param, help_heading = "How it is laid out")]
+    param: ParameterChoice,
+    /// Parameter domain: unit (parameters of the file must lie between 0 and 1) or data (the box of the parameters; a fixed
+    /// --lambda then applies in their units).
+    #[arg(long, default_value_t = ParameterOptions::default().domain, help_heading = "How it is laid out")]
+    domain: Domain,
+    /// Four points of the outline that become the corners (0,0), (1,0), (1,1), (0,1): their rows in the file, from 0.
+    /// [default: chosen by the turning of the outline]
+    #[arg(long, value_name = "A,B,C,D", help_heading = "How it is laid out")]
+    corners: Option<GivenCorners>,
+    /// A text file that names the points of the outer boundary by their rows, from 0. A column `boundary` of a CSV file,
+    /// 0 for inside, does the same. [default: found]
+    #[arg(long, value_name = "FILE", help_heading = "How it is laid out")]
+    boundary: Option<PathBuf>,
+    /// How the points of a side are spread over it: chord, centripetal or uniform.
+    #[arg(long, default_value_t = ParameterOptions::default().boundary_rule, help_heading = "How it is laid out")]
+    boundary_rule: BoundaryRule,
+    /// Radius of the neighbourhoods of uniform, recd and lpsp: grow (until every point has a path to the boundary), auto
+    /// (3/√m of the extent) or a length.
+    #[arg(long, default_value_t = ParameterOptions::default().radius, help_heading = "How it is laid out")]
+    radius: RadiusChoice,
+    /// Refine maps of meshes towards less distortion: auto (where they are not good as they come out), on or off.
+    #[arg(long, default_value_t = ParameterOptions::default().refine, help_heading = "How it is laid out")]
+    refine: Refine,
+    /// Points laid out at once: a cloud of more than three times as many goes through a well-spread subset of this size.
+    #[arg(long, default_value_t = ParameterOptions::default().subset, value_name = "N", help_heading = "How it is laid out")]
+    subset: usize,
+}
+
+impl LayoutArgs {
+    /// The options of laying out.
+    pub(crate) fn options(&self) -> ParameterOptions {
+        ParameterOptions {
+            read: self.read.options(),
+            clean: self.clean.clone(),
+            thin: self.thin,
+            crop: self.crop,
+            mask: self.mask.clone(),
+            param: self.param,
+            domain: self.domain,
+            corners: self.corners,
+            boundary: self.boundary.clone(),
+            boundary_rule: self.boundary_rule,
+            radius: self.radius,
+            refine: self.refine,
+            subset: self.subset,
         }
     }
 }

@@ -4,13 +4,14 @@ mod args;
 mod progress;
 
 use std::io::{self, BufWriter, Write};
+use std::ops::ControlFlow;
 use std::process::ExitCode;
 
 use clap::Parser;
-use reconstruct::{BatchOptions, Error, PartOutcome, PartResult, run_batch};
+use reconstruct::{BatchEvent, BatchOptions, Error, PartOutcome, PartResult, run_batch};
 use serde::Serialize;
 
-use args::{Cli, Command, FitArgs};
+use args::{Cli, Command, FitArgs, ParamArgs};
 use progress::Progress;
 
 const FAILED: u8 = 1;
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
                 Some(
                     Error::OptionRange { .. }
                         | Error::OutputFormat { .. }
+                        | Error::ParameterFormat { .. }
                         | Error::NeedsDirectory { .. }
                         | Error::SameName { .. }
                         | Error::OutputTwice { .. }
@@ -52,6 +54,7 @@ fn main() -> ExitCode {
 fn run(command: Command) -> anyhow::Result<u8> {
     match command {
         Command::Fit(args) => return fit(&args),
+        Command::Param(args) => param(&args)?,
         Command::Eval { model, parameters } => {
             let rows = reconstruct::eval_model(&model, &parameters)?;
             let header = ["u", "v", "x", "y", "z"];
@@ -100,6 +103,30 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
         }
     }
     Ok(exit_code(&results))
+}
+
+fn param(args: &ParamArgs) -> anyhow::Result<()> {
+    let options = args.layout.options();
+    options.check()?;
+    rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global()?;
+    reconstruct::check_parameter_outputs(&args.input, &args.outputs, args.report.as_deref())?;
+    let progress = Progress::new(1, 1.0);
+    let mut watch = |event: reconstruct::Event<'_>| {
+        progress.show(BatchEvent::Within { input: &args.input, event });
+        ControlFlow::Continue(())
+    };
+    let laid_out = reconstruct::parameterize_file(&args.input, &options, &mut watch);
+    progress.finish();
+    let laid_out = laid_out?;
+    for output in &args.outputs {
+        reconstruct::write_parameters(output, &laid_out)?;
+    }
+    let report = reconstruct::layout_report(&args.input, &options, &laid_out);
+    match &args.report {
+        Some(path) => reconstruct::write_report(path, &report)?,
+        None => print_json(&report)?,
+    }
+    Ok(())
 }
 
 /// The worst of all parts.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use reconstruct::{BatchEvent, PartOutcome, PartResult};
+use reconstruct::{BatchEvent, Event, PartOutcome, PartResult};
 
 /// Shows how far a batch is.
 pub(crate) struct Progress {
@@ -27,7 +27,10 @@ impl Progress {
 
     pub(crate) fn show(&self, event: BatchEvent<'_>) {
         match event {
-            BatchEvent::Iteration { input, record } => self.bar.set_message(format!(
+            BatchEvent::Within { input, event: Event::Step(step) } => {
+                self.bar.set_message(format!("{}: {step}", name(input)));
+            }
+            BatchEvent::Within { input, event: Event::Iteration(record) } => self.bar.set_message(format!(
                 "{}: iteration {}, {} control points, max {:.3e}, {:.1} of {:.1} % within tolerance",
                 name(input),
                 record.iteration,

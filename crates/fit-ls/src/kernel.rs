@@ -10,10 +10,36 @@ use thb_core::bernstein::{BLOCK, Block, LANES, binomial, total};
 
 use crate::SortedPoints;
 
+/// What is summed over points: moments of factors, and right-hand sides of columns.
+#[derive(Clone, Copy)]
+pub(crate) struct Terms<'a, const D: usize> {
+    /// Parameters, one array per direction.
+    pub(crate) parameters: &'a [Vec<f64>; D],
+    /// Factors of the matrices: one array per matrix. None at all: one matrix, with the weights as its factor.
+    pub(crate) factors: &'a [Vec<f64>],
+    /// Right-hand sides, one array per column.
+    pub(crate) columns: &'a [Vec<f64>],
+    /// Weights that multiply the columns; not used beside factors.
+    pub(crate) weights: Option<&'a [f64]>,
+}
+
+impl<'a, const D: usize> Terms<'a, D> {
+    /// The terms of weighted least squares.
+    pub(crate) fn of(points: &'a SortedPoints<D>) -> Self {
+        let SortedPoints { parameters, points, weights, .. } = points;
+        Self { parameters, factors: &[], columns: points, weights: weights.as_deref() }
+    }
+
+    /// Number of matrices.
+    pub(crate) fn n_matrices(&self) -> usize {
+        self.factors.len().max(1)
+    }
+}
+
 /// Sums of one cell's points in Bernstein form: moments of degree `2p` and right-hand sides of degree `p`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CellSums {
-    /// `Σ ω B^{2p}_k`, `∏(2p_d + 1)` numbers, first direction fastest.
+    /// `Σ ω B^{2p}_k`, `∏(2p_d + 1)` numbers, first direction fastest; one matrix after the other.
     pub(crate) moments: Vec<f64>,
     /// `Σ ω B^p_i x`, `(n_local, N)`.
     pub(crate) right: Vec<f64>,
@@ -33,19 +59,19 @@ pub(crate) struct Summation<const D: usize> {
     double: Orders<D>,
     batch: Batch<D>,
     rows: Vec<Block>,
-    /// First direction fastest.
+    /// First direction fastest, then the matrix.
     moments: Vec<[f64; LANES]>,
     /// First direction fastest, then the component.
     right: Vec<[f64; LANES]>,
 }
 
 impl<const D: usize> Summation<D> {
-    /// For polynomials of a degree and points of a dimension.
-    pub(crate) fn new(degree: [usize; D], dim: usize) -> Self {
+    /// For polynomials of a degree, points of a dimension, and a number of matrices.
+    pub(crate) fn new(degree: [usize; D], dim: usize, matrices: usize) -> Self {
         let (single, double) = (Orders::new(degree), Orders::new(degree.map(|p| 2 * p)));
-        let (n_moments, n_right) = (double.count(), dim * single.count());
+        let (n_moments, n_right) = (matrices * double.count(), dim * single.count());
         Self {
-            batch: Batch::new(&double, dim),
+            batch: Batch::new(&double, dim, matrices),
             rows: vec![[0.0; BLOCK]; (n_moments / double.of[0]).max(n_right / single.of[0])],
             moments: vec![[0.0; LANES]; n_moments],
             right: vec![[0.0; LANES]; n_right],
@@ -57,22 +83,25 @@ impl<const D: usize> Summation<D> {
     /// Sums over the points of a range, all in one cell with the given corners.
     pub(crate) fn of(
         &mut self,
-        points: &SortedPoints<D>,
+        terms: Terms<'_, D>,
         range: Range<usize>,
         lower: [f64; D],
         upper: [f64; D],
     ) -> CellSums {
         self.moments.fill([0.0; LANES]);
         self.right.fill([0.0; LANES]);
-        pulp::Arch::new().dispatch(Sums { points, range, corners: (lower, upper), memory: self });
-        let (n, inner) = (points.dim(), self.single.of[0]);
+        pulp::Arch::new().dispatch(Sums { terms, range, corners: (lower, upper), memory: self });
+        let (n, inner) = (terms.columns.len(), self.single.of[0]);
         let mut right = Vec::with_capacity(self.right.len());
         for line in self.right.chunks_exact(inner * n) {
             for i in 0..inner {
                 right.extend((0..n).map(|k| total(&line[k * inner + i])));
             }
         }
-        CellSums { moments: self.moments.iter().map(total).collect(), right }
+        let (matrices, inner) = (terms.n_matrices(), self.double.of[0]);
+        let lines = |matrix: usize| self.moments.chunks_exact(inner).skip(matrix).step_by(matrices);
+        let moments = (0..matrices).flat_map(lines).flatten().map(total).collect();
+        CellSums { moments, right }
     }
 }
 
@@ -109,42 +138,54 @@ struct Batch<const D: usize> {
     t: [Block; D],
     basis: [Vec<Block>; D],
     columns: Vec<Block>,
-    weight: Block,
+    factors: Vec<Block>,
 }
 
 impl<const D: usize> Batch<D> {
-    fn new(orders: &Orders<D>, dim: usize) -> Self {
+    fn new(orders: &Orders<D>, dim: usize, matrices: usize) -> Self {
         let zero = [0.0; BLOCK];
-        Self { t: [zero; D], basis: orders.of.map(|n| vec![zero; n]), columns: vec![zero; dim], weight: zero }
+        Self {
+            t: [zero; D],
+            basis: orders.of.map(|n| vec![zero; n]),
+            columns: vec![zero; dim],
+            factors: vec![zero; matrices],
+        }
     }
 
     /// Loads points and returns their number rounded up to whole vectors.
     #[inline(always)]
-    fn load(&mut self, points: &SortedPoints<D>, range: Range<usize>, (lower, upper): ([f64; D], [f64; D])) -> usize {
+    fn load(&mut self, terms: Terms<'_, D>, range: Range<usize>, (lower, upper): ([f64; D], [f64; D])) -> usize {
         let len = range.len().next_multiple_of(LANES);
         for d in 0..D {
             let t = &mut self.t[d];
-            copy(&points.parameters[d][range.clone()], t, len, lower[d]);
+            copy(&terms.parameters[d][range.clone()], t, len, lower[d]);
             let inverse = 1.0 / (upper[d] - lower[d]);
             t[..len].iter_mut().for_each(|u| *u = (*u - lower[d]) * inverse);
         }
-        for (target, column) in self.columns.iter_mut().zip(&points.points) {
+        for (target, column) in self.columns.iter_mut().zip(terms.columns) {
             copy(&column[range.clone()], target, len, 0.0);
         }
         len
     }
 
-    /// Loads weights, multiplied into the coordinates.
+    /// Loads the factors, or weights that are multiplied into the columns.
     #[inline(always)]
-    fn load_weights(&mut self, points: &SortedPoints<D>, range: Range<usize>, len: usize) {
-        let Some(weights) = &points.weights else {
-            self.weight[..range.len()].fill(1.0);
-            self.weight[range.len()..].fill(0.0);
+    fn load_factors(&mut self, terms: Terms<'_, D>, range: Range<usize>, len: usize) {
+        for (target, factor) in self.factors.iter_mut().zip(terms.factors) {
+            copy(&factor[range.clone()], target, len, 0.0);
+        }
+        if !terms.factors.is_empty() {
+            return;
+        }
+        let weight = &mut self.factors[0];
+        let Some(weights) = terms.weights else {
+            weight[..range.len()].fill(1.0);
+            weight[range.len()..].fill(0.0);
             return;
         };
-        copy(&weights[range], &mut self.weight, len, 0.0);
+        copy(&weights[range], weight, len, 0.0);
         for column in &mut self.columns {
-            column[..len].iter_mut().zip(&self.weight[..len]).for_each(|(x, w)| *x *= w);
+            column[..len].iter_mut().zip(&weight[..len]).for_each(|(x, w)| *x *= w);
         }
     }
 
@@ -203,7 +244,7 @@ fn bernstein<S: Simd>(simd: S, binomials: &[f64], t: &Block, len: usize, out: &m
 
 /// Arguments of the loop of [`Summation::of`].
 struct Sums<'a, const D: usize> {
-    points: &'a SortedPoints<D>,
+    terms: Terms<'a, D>,
     range: Range<usize>,
     corners: ([f64; D], [f64; D]),
     memory: &'a mut Summation<D>,
@@ -214,15 +255,14 @@ impl<const D: usize> WithSimd for Sums<'_, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { points, range, corners, memory } = self;
+        let Self { terms, range, corners, memory } = self;
         let Summation { single, double, batch, rows, moments, right } = memory;
         for start in range.clone().step_by(BLOCK) {
             let part = start..range.end.min(start + BLOCK);
-            let len = batch.load(points, part.clone(), corners);
-            batch.load_weights(points, part, len);
+            let len = batch.load(terms, part.clone(), corners);
+            batch.load_factors(terms, part, len);
             batch.evaluate(simd, double, len);
-            let factors = std::slice::from_ref(&batch.weight);
-            let lines = outer_rows(simd, factors, &batch.basis, double.of, len, rows);
+            let lines = outer_rows(simd, &batch.factors, &batch.basis, double.of, len, rows);
             add_products(simd, lines, &batch.basis[0][..double.of[0]], len, moments);
             batch.evaluate(simd, single, len);
             let lines = outer_rows(simd, &batch.columns, &batch.basis, single.of, len, rows);
@@ -352,10 +392,10 @@ impl<const D: usize> WithSimd for Distances<'_, D> {
         let Self { points, range, map, cell, out } = self;
         let orders = Orders::new(map.degree());
         let coefficients = map.cell_coefficients(cell);
-        let mut batch = Batch::new(&orders, points.dim());
+        let mut batch = Batch::new(&orders, points.dim(), 0);
         let mut distances = [0.0; BLOCK];
         for (start, target) in range.step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
-            let len = batch.load(points, start..start + target.len(), map.cell_box(cell));
+            let len = batch.load(Terms::of(points), start..start + target.len(), map.cell_box(cell));
             batch.evaluate(simd, &orders, len);
             for (at, distance) in vectors_mut::<S>(&mut distances, len).iter_mut().enumerate() {
                 *distance = simd.sqrt_f64s(squared_distance(simd, &batch, coefficients, orders.of, len, at));

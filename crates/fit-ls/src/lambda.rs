@@ -44,6 +44,10 @@ const FEWEST_POINTS: usize = 20;
 /// Candidates are powers of ten times the total weight of the points, which makes them independent of their number.
 const EXPONENTS: std::ops::RangeInclusive<i32> = -13..=-3;
 
+/// Share of a window's edge that the reach of a weight may have: the length over which a smoothing spline averages,
+/// `(λ / density)^(1/4)`. A window that a weight flattens as a whole cannot tell it from one that suits the data.
+const REACH: f64 = 0.25;
+
 /// Weights whose root mean squared prediction error exceeds the smallest by less than this factor are as good. Points
 /// next to voids dominate that error; a closer comparison would smooth all of the surface for their sake.
 const SLACK: f64 = 1.25;
@@ -61,9 +65,14 @@ pub(crate) fn choose<const D: usize>(
     options: &Options<D>,
     tolerance: f64,
 ) -> Result<f64, Error> {
-    let lambdas: Vec<f64> = EXPONENTS.map(|exponent| points.total_weight() * 10.0_f64.powi(exponent)).collect();
+    let windows = windows(space.domain(), points.len());
+    let largest =
+        windows.first().map_or(f64::INFINITY, |window| largest_judged(window, space.domain(), points, options));
+    let mut lambdas: Vec<f64> = EXPONENTS.map(|exponent| points.total_weight() * 10.0_f64.powi(exponent)).collect();
+    let judged = lambdas.partition_point(|&lambda| lambda <= largest).max(1);
+    lambdas.truncate(judged);
     let mut trials: Vec<Trial> = lambdas.iter().map(|&lambda| Trial { lambda, ..Trial::default() }).collect();
-    for window in windows(space.domain(), points.len()) {
+    for window in windows {
         let inside: Vec<usize> = (0..points.len()).filter(|&at| contains(&window, points.parameter(at))).collect();
         if inside.len() >= FEWEST_POINTS {
             compare(points, &inside, space.degree(), &window, options, &mut trials)?;
@@ -113,6 +122,20 @@ fn windows<const D: usize>((lower, upper): Window<D>, points: usize) -> Vec<Wind
 
 fn contains<const D: usize>((lower, upper): &Window<D>, u: [f64; D]) -> bool {
     (0..D).all(|d| (lower[d]..=upper[d]).contains(&u[d]))
+}
+
+/// The largest weight that windows of this size can judge.
+fn largest_judged<const D: usize>(
+    window: &Window<D>,
+    domain: Window<D>,
+    points: &SortedPoints<D>,
+    options: &Options<D>,
+) -> f64 {
+    let extents =
+        |(lower, upper): &Window<D>| std::array::from_fn::<f64, D, _>(|d| (upper[d] - lower[d]) * options.lengths[d]);
+    let density = points.total_weight() / extents(&domain).iter().product::<f64>();
+    let edge = extents(window).into_iter().fold(f64::INFINITY, f64::min);
+    density * (REACH * edge).powi(4)
 }
 
 /// Errors with one weight, over all windows.

@@ -47,6 +47,8 @@ pub struct LeastSquares<const D: usize> {
     /// λ as a number, once it is chosen.
     lambda: Option<f64>,
     solver: Option<Cholesky>,
+    /// The energy of the last space.
+    energy: Option<(Arc<HierarchicalSpace<D>>, SymmetricMatrix)>,
     errors: Vec<f64>,
 }
 
@@ -71,7 +73,7 @@ impl<const D: usize> LeastSquares<D> {
             Lambda::Fixed(value) if value.is_finite() && value >= 0.0 => Some(value),
             Lambda::Fixed(value) => return Err(Error::Lambda { value }),
         };
-        Ok(Self { points, sorted_for: None, options, lambda, solver: None, errors: Vec::new() })
+        Ok(Self { points, sorted_for: None, options, lambda, solver: None, energy: None, errors: Vec::new() })
     }
 
     /// The smoothing weight in use; `None` as long as an automatic one is not chosen.
@@ -82,6 +84,45 @@ impl<const D: usize> LeastSquares<D> {
     /// The points, in the order of the cells of the last space.
     pub fn points(&self) -> &SortedPoints<D> {
         &self.points
+    }
+
+    /// Moves the points to other parameters: see [`SortedPoints::relocate`].
+    ///
+    /// # Errors
+    /// [`Error::Shape`].
+    pub fn relocate(&mut self, parameters: &[[f64; D]], cells: &[u32]) -> Result<(), Error> {
+        self.points.relocate(parameters, cells)
+    }
+
+    /// Replaces the weights, given in the order of the cells: see [`SortedPoints::set_weights`].
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::Weight`].
+    pub fn set_weights(&mut self, weights: Option<Vec<f64>>) -> Result<(), Error> {
+        self.points.set_weights(weights)
+    }
+
+    /// Sorts the points by the cells of a space, as fitting in it does.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`].
+    pub fn sort_for(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<(), Error> {
+        self.sort(space)
+    }
+
+    /// The matrix of the energy in a space, in the pattern of the space.
+    ///
+    /// # Errors
+    /// Those of [`ThinPlate::gram`].
+    pub fn energy(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<SymmetricMatrix, Error> {
+        if let Some((_, energy)) = self.energy.as_ref().filter(|(known, _)| Arc::ptr_eq(known, space)) {
+            return Ok(energy.clone());
+        }
+        let pattern = SymmetricPattern::new(space.as_ref());
+        let energy = ThinPlate::scaled(space.degree(), self.options.quadrature, self.options.lengths);
+        let energy = energy.gram(space.as_ref(), &pattern)?;
+        self.energy = Some((space.clone(), energy.clone()));
+        Ok(energy)
     }
 
     /// Fits in a space.
@@ -142,10 +183,9 @@ impl<const D: usize> LeastSquares<D> {
                 *self.lambda.insert(crate::lambda::choose(&self.points, space, &self.options, tolerance)?)
             }
         };
-        let pattern = SymmetricPattern::new(space.as_ref());
+        let energy = self.energy(space)?;
+        let pattern = energy.pattern().clone();
         let equations = NormalEquations::new(space.as_ref(), &pattern, &self.points)?;
-        let energy = ThinPlate::scaled(space.degree(), self.options.quadrature, self.options.lengths);
-        let energy = energy.gram(space.as_ref(), &pattern)?;
         let assembled = start.elapsed().as_secs_f64();
         let solving = Instant::now();
         let solver = match self.solver.take().filter(|solver| *solver.pattern() == pattern) {
@@ -214,7 +254,10 @@ pub(crate) fn penalized(
 }
 
 /// Moves fixed coefficients to the right-hand side and replaces their equations by `c_j = value`.
-fn eliminate(matrix: &mut SymmetricMatrix, right: &mut Array2<f64>, fixed: &Fixed) -> Result<(), Error> {
+///
+/// # Errors
+/// [`Error::Shape`] for fixed functions that do not exist or rows of a wrong length.
+pub fn eliminate(matrix: &mut SymmetricMatrix, right: &mut Array2<f64>, fixed: &Fixed) -> Result<(), Error> {
     if fixed.is_empty() {
         return Ok(());
     }

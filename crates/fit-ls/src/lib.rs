@@ -25,6 +25,7 @@
 //!
 //! The crate does not know where parameters come from.
 
+mod block;
 mod boundary;
 mod cholesky;
 mod error;
@@ -35,11 +36,12 @@ mod metrics;
 mod normal;
 mod sorted;
 
+pub use block::BlockEquations;
 pub use boundary::{Side, boundary_coefficients, boundary_functions};
 pub use cholesky::{Cholesky, FactorizationError};
 pub use error::Error;
 pub use lambda::Lambda;
-pub use least_squares::{Fixed, LeastSquares, Options};
+pub use least_squares::{Fixed, LeastSquares, Options, eliminate};
 pub use metrics::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use normal::NormalEquations;
 pub use sorted::SortedPoints;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use thb_core::bernstein::binomial;
 use thb_core::{CellSpace, SymmetricMatrix, SymmetricPattern};
 
-use crate::kernel::{CellSums, Summation};
+use crate::kernel::{CellSums, Summation, Terms};
 use crate::{Error, SortedPoints};
 
 /// `BᵀWB` and `BᵀWp` of points in a space. Statistics of different points in the same space add up, so chunks, threads
@@ -24,7 +24,7 @@ pub struct NormalEquations {
 const CHUNK: usize = 1 << 14;
 
 /// Cells whose local matrices are held in memory at a time.
-const BATCH: usize = 1 << 12;
+pub(crate) const BATCH: usize = 1 << 12;
 
 impl NormalEquations {
     /// Zero equations for points of dimension `n`.
@@ -61,48 +61,9 @@ impl NormalEquations {
         cells: Range<usize>,
         expansion: &Expansion,
     ) {
-        let tasks: Vec<(usize, Range<usize>)> = cells
-            .flat_map(|cell| {
-                let (start, end) = (points.offsets()[cell], points.offsets()[cell + 1]);
-                (start..end).step_by(CHUNK).map(move |at| (cell, at..(at + CHUNK).min(end)))
-            })
-            .collect();
-        let partial: Vec<(usize, CellSums)> = tasks
-            .into_par_iter()
-            .map_init(
-                || Summation::new(space.degree(), points.dim()),
-                |summation, (number, range)| {
-                    let cell = space.cell(number);
-                    (number, summation.of(points, range, cell.lower, cell.upper))
-                },
-            )
-            .collect();
-        let mut of_cells: Vec<(usize, CellSums)> = Vec::with_capacity(partial.len());
-        for (number, part) in partial {
-            match of_cells.last_mut() {
-                Some((last, whole)) if *last == number => whole.merge(&part),
-                _ => of_cells.push((number, part)),
-            }
-        }
-        let n = points.dim();
-        let local: Vec<(usize, Vec<f64>, Vec<f64>)> = of_cells
-            .into_par_iter()
-            .map_init(Vec::new, |scratch, (number, sums)| {
-                let cell = space.cell(number);
-                let mut matrix = expansion.matrix(&sums.moments);
-                let mut right = sums.right;
-                cell.pull_back_symmetric(&mut matrix, scratch);
-                cell.pull_back(&mut right, n, scratch);
-                (number, matrix, right)
-            })
-            .collect();
-        for (number, matrix, right) in local {
-            let functions = space.cell(number).functions;
-            self.matrix.add_cell(functions, &matrix);
-            for (row, &function) in right.chunks_exact(n).zip(functions) {
-                let mut target = self.right.row_mut(function as usize);
-                target.iter_mut().zip(row).for_each(|(a, b)| *a += b);
-            }
+        for local in cell_equations(space, points.offsets(), Terms::of(points), cells, expansion) {
+            self.matrix.add_cell(space.cell(local.cell).functions, &local.matrices[0]);
+            local.add_right(space, &mut self.right);
         }
     }
 
@@ -120,15 +81,85 @@ impl NormalEquations {
     }
 }
 
+/// Equations of one cell in its functions.
+pub(crate) struct CellEquations {
+    pub(crate) cell: usize,
+    /// `(n_active, n_active)` each.
+    pub(crate) matrices: Vec<Vec<f64>>,
+    /// `(n_active, N)`.
+    right: Vec<f64>,
+}
+
+impl CellEquations {
+    /// Adds the right-hand sides to those of all functions, `(n_functions, N)`.
+    pub(crate) fn add_right<const D: usize, S: CellSpace<D>>(&self, space: &S, right: &mut Array2<f64>) {
+        let functions = space.cell(self.cell).functions;
+        for (row, &function) in self.right.chunks_exact(right.ncols()).zip(functions) {
+            let mut target = right.row_mut(function as usize);
+            target.iter_mut().zip(row).for_each(|(a, b)| *a += b);
+        }
+    }
+}
+
+/// The equations of a range of cells, given the points of each cell.
+pub(crate) fn cell_equations<const D: usize, S: CellSpace<D>>(
+    space: &S,
+    offsets: &[usize],
+    terms: Terms<'_, D>,
+    cells: Range<usize>,
+    expansion: &Expansion,
+) -> Vec<CellEquations> {
+    let (n, matrices) = (terms.columns.len(), terms.n_matrices());
+    let tasks: Vec<(usize, Range<usize>)> = cells
+        .flat_map(|cell| {
+            let (start, end) = (offsets[cell], offsets[cell + 1]);
+            (start..end).step_by(CHUNK).map(move |at| (cell, at..(at + CHUNK).min(end)))
+        })
+        .collect();
+    let partial: Vec<(usize, CellSums)> = tasks
+        .into_par_iter()
+        .map_init(
+            || Summation::new(space.degree(), n, matrices),
+            |summation, (number, range)| {
+                let cell = space.cell(number);
+                (number, summation.of(terms, range, cell.lower, cell.upper))
+            },
+        )
+        .collect();
+    let mut of_cells: Vec<(usize, CellSums)> = Vec::with_capacity(partial.len());
+    for (number, part) in partial {
+        match of_cells.last_mut() {
+            Some((last, whole)) if *last == number => whole.merge(&part),
+            _ => of_cells.push((number, part)),
+        }
+    }
+    of_cells
+        .into_par_iter()
+        .map_init(Vec::new, |scratch, (number, sums)| {
+            let cell = space.cell(number);
+            let per_matrix = sums.moments.len() / matrices;
+            let matrices = sums.moments.chunks_exact(per_matrix).map(|moments| {
+                let mut matrix = expansion.matrix(moments);
+                cell.pull_back_symmetric(&mut matrix, scratch);
+                matrix
+            });
+            let matrices = matrices.collect();
+            let mut right = sums.right;
+            cell.pull_back(&mut right, n, scratch);
+            CellEquations { cell: number, matrices, right }
+        })
+        .collect()
+}
+
 /// From moments of degree 2p to the products of Bernstein polynomials of degree p:
 /// `B_i B_j = C(p,i) C(p,j) / C(2p,i+j) · B^{2p}_{i+j}` in each direction.
-struct Expansion {
+pub(crate) struct Expansion {
     /// For each entry of the matrix the moment and its factor.
     entries: Vec<(usize, f64)>,
 }
 
 impl Expansion {
-    fn new<const D: usize>(degree: [usize; D]) -> Self {
+    pub(crate) fn new<const D: usize>(degree: [usize; D]) -> Self {
         let n_local: usize = degree.iter().map(|p| p + 1).product();
         let entry = |k: usize| {
             let (mut i, mut j) = (k / n_local, k % n_local);

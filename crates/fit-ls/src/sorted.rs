@@ -102,6 +102,59 @@ impl<const D: usize> SortedPoints<D> {
         std::array::from_fn(|d| self.parameters[d][at])
     }
 
+    /// Parameters in a direction, in the order of the cells.
+    pub fn parameters(&self, direction: usize) -> &[f64] {
+        &self.parameters[direction]
+    }
+
+    /// A coordinate of all points, in the order of the cells.
+    pub fn coordinates(&self, component: usize) -> &[f64] {
+        &self.points[component]
+    }
+
+    /// The weights in the order of the cells; `None` if all are 1.
+    pub fn weights(&self) -> Option<&[f64]> {
+        self.weights.as_deref()
+    }
+
+    /// Replaces the weights, given in the order of the cells.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::Weight`].
+    pub fn set_weights(&mut self, weights: Option<Vec<f64>>) -> Result<(), Error> {
+        if let Some(weights) = &weights {
+            self.check_length("weights", weights.len())?;
+            if let Some(at) = weights.iter().position(|w| !w.is_finite() || *w < 0.0) {
+                return Err(Error::Weight { index: self.order[at] as usize, value: weights[at] });
+            }
+        }
+        self.weights = weights;
+        Ok(())
+    }
+
+    /// Moves the points to other parameters of the same space, given in the order of the cells with the cell of each, and
+    /// sorts them anew.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] for arrays of a wrong length, or a cell that does not exist.
+    pub fn relocate(&mut self, parameters: &[[f64; D]], cells: &[u32]) -> Result<(), Error> {
+        self.check_length("moved parameters", parameters.len())?;
+        self.check_length("cells of moved parameters", cells.len())?;
+        let n_cells = self.offsets.len() - 1;
+        if let Some(&cell) = cells.iter().find(|&&cell| cell as usize >= n_cells) {
+            return Err(Error::Shape { what: "cell of a moved parameter", given: cell as usize, expected: n_cells });
+        }
+        for (d, column) in self.parameters.iter_mut().enumerate() {
+            column.iter_mut().zip(parameters).for_each(|(target, u)| *target = u[d]);
+        }
+        self.arrange(cells, n_cells);
+        Ok(())
+    }
+
+    fn check_length(&self, what: &'static str, given: usize) -> Result<(), Error> {
+        if given == self.len() { Ok(()) } else { Err(Error::Shape { what, given, expected: self.len() }) }
+    }
+
     /// The sum of the weights.
     pub fn total_weight(&self) -> f64 {
         self.weights.as_ref().map_or(self.len() as f64, |w| w.iter().sum())
@@ -140,11 +193,17 @@ impl<const D: usize> SortedPoints<D> {
             }
             Ok(())
         })?;
-        let mut offsets = vec![0_usize; space.n_cells() + 1];
-        for &cell in &cell_of {
+        self.arrange(&cell_of, space.n_cells());
+        Ok(())
+    }
+
+    /// A stable counting sort by cell.
+    fn arrange(&mut self, cell_of: &[u32], n_cells: usize) {
+        let mut offsets = vec![0_usize; n_cells + 1];
+        for &cell in cell_of {
             offsets[cell as usize + 1] += 1;
         }
-        for cell in 0..space.n_cells() {
+        for cell in 0..n_cells {
             offsets[cell + 1] += offsets[cell];
         }
         let mut next = offsets.clone();
@@ -154,13 +213,11 @@ impl<const D: usize> SortedPoints<D> {
             from[*slot] = old as u32;
             *slot += 1;
         }
-        drop(cell_of);
         for column in self.parameters.iter_mut().chain(&mut self.points).chain(&mut self.weights) {
             gather(column, &from);
         }
         gather(&mut self.order, &from);
         self.offsets = offsets;
-        Ok(())
     }
 
     /// Sorts by the cells of a hierarchical space, given the one sorted for before.

@@ -10,7 +10,7 @@ use crate::local_star::delaunay_star;
 use crate::neighbours::{COINCIDENT, Neighbours, cut_off};
 use crate::shape_preserving::shape_preserving_weights;
 use crate::sides::BoundaryParameters;
-use crate::weights::{norm, sub};
+use point_cloud::vec3::{norm, sub};
 
 /// How an interior point of a cloud is averaged from its neighbours (Imperatore 2024, §4.2.1; Floater and Reimers,
 /// Meshless parameterization and surface reconstruction, CAGD 18, 2001).

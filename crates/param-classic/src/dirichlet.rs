@@ -1,6 +1,6 @@
 //! The symmetric Dirichlet energy of a piecewise linear map, and its local quadratic model.
 
-use crate::weights::{cross, dot, norm, sub};
+use point_cloud::vec3::{cross, dot, norm, sub};
 
 /// A triangle with area, laid flat.
 pub(crate) struct FlatTriangle {

@@ -6,6 +6,7 @@
 //!   distortion without folds, and [`map_quality`].
 //! - Scattered clouds with known boundary: [`side_parameters`] for the boundary, [`map_cloud`] for the interior,
 //!   [`correct_shape`], [`triangulate_parameters`] and [`cloud_quality`].
+//! - Clouds too large for a mesh of their own: [`extend_map`] carries the map of a mesh over a part of them to all points.
 //!
 //! This crate knows nothing about splines and never reads a file.
 
@@ -14,10 +15,12 @@ mod cloud_map;
 mod correction;
 mod dirichlet;
 mod error;
+mod extend;
 mod grid;
 mod injective;
 mod local_star;
 mod mesh_map;
+mod nearest_triangle;
 mod neighbours;
 mod quality;
 mod sequence;
@@ -30,6 +33,7 @@ mod weights;
 pub use cloud_map::{BOUNDARY_TOLERANCE, CloudMap, CloudMapParams, CloudMapReport, CloudWeights, Radius, map_cloud};
 pub use correction::correct_shape;
 pub use error::ParamError;
+pub use extend::{ExtendedMap, extend_map};
 pub use grid::{GridReport, parameterize_grid};
 pub use injective::{InjectiveMap, InjectiveParams, InjectiveReport, InjectiveStop, refine_injective};
 pub use mesh_map::{MeshMap, MeshMapParams, MeshMapReport, map_disk};

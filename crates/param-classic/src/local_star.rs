@@ -2,7 +2,7 @@
 
 use robust::{Coord, orient2d};
 
-use crate::weights::{dot, sub};
+use point_cloud::vec3::{dot, sub};
 
 /// A neighbour whose projection is nearer than this share of its distance lies above the centre rather than beside it;
 /// its direction in the tangent plane would be noise.

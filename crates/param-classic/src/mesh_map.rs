@@ -10,7 +10,8 @@ use crate::barycentric::{BarycentricSystem, WeightEntry};
 use crate::quality::{MapQuality, map_quality};
 use crate::sequence::Rule;
 use crate::sides::{CONSTANT_ON_SIDE, SideSet, place_sides};
-use crate::weights::{Weights, corner_weights, norm, sub};
+use crate::weights::{Weights, corner_weights};
+use point_cloud::vec3::{norm, sub};
 
 /// Options of [`map_disk`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

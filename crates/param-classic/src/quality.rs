@@ -4,7 +4,7 @@ use ndarray::ArrayView2;
 use robust::{Coord, orient2d};
 
 use crate::ParamError;
-use crate::weights::{cross, dot, norm, sub};
+use point_cloud::vec3::{cross, dot, norm, sub};
 
 /// Smallest, largest and mean value over the triangles, the mean weighted by area on the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

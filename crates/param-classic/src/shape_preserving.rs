@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::weights::{cross, dot, norm, sub};
+use point_cloud::vec3::{cross, dot, norm, sub};
 
 /// Weights of `ring`, the neighbours of `center` in cyclic order, in either sense: positive, with sum 1. The centre of
 /// a plane ring comes back exactly (Floater, Parametrization and smooth approximation of surface triangulations, CAGD

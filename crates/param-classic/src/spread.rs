@@ -8,7 +8,7 @@ use crate::ParamError;
 use crate::neighbours::Neighbours;
 use crate::quality::MapQuality;
 use crate::triangulate::triangulate_parameters;
-use crate::weights::{norm, sub};
+use point_cloud::vec3::{norm, sub};
 
 /// How far a parameterization can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

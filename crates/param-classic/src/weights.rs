@@ -1,5 +1,7 @@
 //! Weights of convex-combination maps.
 
+use point_cloud::vec3::{cross, dot, norm, sub};
+
 /// How an interior vertex is averaged from its neighbours.
 ///
 /// All weights are positive, so the map of a disk onto the square is one-to-one but for triangles squeezed into one
@@ -42,22 +44,6 @@ pub(crate) fn corner_weights(weights: Weights, [p, q, r]: [[f64; 3]; 3], floor: 
             [half_tangent / length_a.max(floor), half_tangent / length_b.max(floor)]
         }
     }
-}
-
-pub(crate) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(crate) fn norm(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
-//! Outliers, stray pieces and thinning. Nothing is removed here: each function says which points stay and why.
+//! Outliers and stray pieces. Nothing is removed here: each function says which points stay and why.
 
 use ndarray::ArrayView2;
 
 use crate::edges::DisjointSets;
 use crate::local_frame::{NORMAL_MEDIAN, median};
-use crate::neighbours::{CloudTree, Neighbours, rows};
-use crate::{BoundingBox, CloudError, SPACING_NEIGHBOURS};
+use crate::neighbours::Neighbours;
+use crate::{CloudError, SPACING_NEIGHBOURS};
 
 /// Points whose neighbours are unusually far away.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,75 +113,6 @@ pub fn find_stray_pieces(points: ArrayView2<'_, f64>, reach: f64) -> Result<Clou
     })
 }
 
-/// A well-spread part of a cloud.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Thinned {
-    /// Rows of the points that stay, increasing.
-    pub kept: Vec<usize>,
-    /// No two of them are closer than this, and every other point is at most this far from one of them; 0 if all stay.
-    pub distance: f64,
-}
-
-/// Thins `points`, shape `(m, 3)`, to at most `n`: a Poisson-disk sample, the points taken in the order of their rows.
-///
-/// A point stays unless an earlier one that stays is closer than a distance, which is bisected until between 0.9 `n` and `n`
-/// points stay. No random numbers are used.
-///
-/// # Errors
-/// [`CloudError::BadOption`] for `n = 0`; those of [`Neighbours::nearest`].
-pub fn thin(points: ArrayView2<'_, f64>, n: usize) -> Result<Thinned, CloudError> {
-    // Twenty halvings reach a millionth of the diagonal; counts rarely need more than eight.
-    const HALVINGS: usize = 24;
-    if n == 0 {
-        return Err(CloudError::BadOption { name: "n", value: 0.0, range: "at least 1" });
-    }
-    let rows = rows(points)?;
-    let tree = CloudTree::new(&rows)?;
-    let m = rows.len();
-    if m <= n {
-        return Ok(Thinned { kept: (0..m).collect(), distance: 0.0 });
-    }
-    // Beyond the diagonal only the first point stays.
-    let diagonal = BoundingBox::of(points)?.diagonal();
-    let (mut low, mut high) = (0.0, 1.001 * diagonal);
-    let mut best = Thinned { kept: vec![0], distance: high };
-    // On a surface n points are about diagonal / √n apart: a start near the answer keeps the balls small.
-    let mut distance = diagonal / (n as f64).sqrt();
-    for _ in 0..HALVINGS {
-        let kept = spread(&tree, m, distance, n);
-        match kept {
-            Some(kept) => {
-                high = distance;
-                let enough = 10 * kept.len() >= 9 * n;
-                best = Thinned { kept, distance };
-                if enough {
-                    break;
-                }
-            }
-            None => low = distance,
-        }
-        distance = if high > diagonal { 1.5 * distance } else { 0.5 * (low + high) };
-        distance = distance.min(high);
-    }
-    Ok(best)
-}
-
-/// The greedy sample with the given distance, unless it has more than `n` points.
-fn spread(tree: &CloudTree<'_>, m: usize, distance: f64, n: usize) -> Option<Vec<usize>> {
-    let mut covered = vec![false; m];
-    let mut kept = Vec::new();
-    for i in 0..m {
-        if !covered[i] {
-            if kept.len() == n {
-                return None;
-            }
-            kept.push(i);
-            tree.within(i, distance).into_iter().for_each(|(_, j)| covered[j as usize] = true);
-        }
-    }
-    Some(kept)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -215,26 +146,5 @@ mod tests {
         assert_eq!(pieces.sizes, [400, 144]);
         let (kept, stray) = pieces.split(0.5);
         assert_eq!((kept.len(), stray), (400, (0..144).collect::<Vec<_>>()));
-    }
-
-    #[test]
-    fn a_thinned_cloud_is_spread_and_covers_the_rest() {
-        let cloud = sheet(40);
-        for n in [1, 10, 200, 1599, 1600, 5000] {
-            let Thinned { kept, distance } = thin(cloud.view(), n).unwrap();
-            assert!(kept.len() <= n && (n < 10 || 10 * kept.len() >= 7 * n.min(1600)), "{n}: {}", kept.len());
-            let gap = |i: usize, j: usize| {
-                let d = &cloud.row(i) - &cloud.row(j);
-                d.dot(&d).sqrt()
-            };
-            for i in 0..cloud.nrows() {
-                let nearest = kept.iter().filter(|&&j| j != i).map(|&j| gap(i, j)).fold(f64::INFINITY, f64::min);
-                if kept.binary_search(&i).is_ok() {
-                    assert!(nearest > distance || kept.len() == 1600);
-                } else {
-                    assert!(nearest <= distance);
-                }
-            }
-        }
     }
 }

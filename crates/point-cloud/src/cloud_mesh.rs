@@ -6,12 +6,13 @@
 
 use rayon::prelude::*;
 
-use crate::disk::{cross, dot, sub};
 use crate::edges::DisjointSets;
 use crate::fans::Fans;
+use crate::handles::handle_triangles;
 use crate::local_frame::median;
 use crate::neighbours::CloudTree;
 use crate::star::{TangentPlane, VoronoiCell};
+use crate::vec3::{cross, dot, sub};
 
 /// Neighbours of the first attempt at a star; more are fetched where the star is open.
 const STAR_NEIGHBOURS: usize = 24;
@@ -60,6 +61,13 @@ impl CloudMesh {
         }
         close_gaps(&mut fans, points, spacing, false);
         let pieces = keep_one_surface(&mut fans);
+        let triangles = fans.triangles();
+        let handles = handle_triangles(points, &triangles);
+        if !handles.is_empty() {
+            tracing::debug!(triangles = handles.len(), "cut handles");
+            handles.iter().for_each(|&t| fans.remove(triangles[t as usize]));
+            keep_one_surface(&mut fans);
+        }
         // Over a sharp ridge the tangent planes of the vertices disagree, so no triangle fits. Without pinched vertices the
         // loops are unambiguous, and a gap can be closed whatever the planes say.
         close_gaps(&mut fans, points, spacing, true);

@@ -8,8 +8,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 use ndarray::ArrayView2;
 
-use crate::disk::{cross, dot, sub, unit, vertex_normals};
+use crate::disk::vertex_normals;
 use crate::loop_curve::LoopCurve;
+use crate::vec3::{cross, dot, sub, unit};
 use crate::{BoundaryLoop, CloudError, DiskMesh};
 
 /// How corners are looked for. The defaults suit scans with 30 boundary vertices or more.

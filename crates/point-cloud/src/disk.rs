@@ -4,6 +4,7 @@ use ndarray::ArrayView2;
 
 use crate::edges::{DisjointSets, EdgeMap};
 use crate::pieces::{Pieces, unreferenced_vertices};
+use crate::vec3::{cross, sub, unit};
 use crate::{CloudError, TriangleMesh, check_finite, orient_consistently};
 
 /// A closed sequence of boundary vertices, the surface on its left seen from outside.
@@ -181,30 +182,6 @@ pub(crate) fn vertex_normals(mesh: &TriangleMesh) -> Vec<[f64; 3]> {
         }
     }
     normals.into_iter().map(unit).collect()
-}
-
-/// `a` with length one; zero stays zero.
-pub(crate) fn unit(a: [f64; 3]) -> [f64; 3] {
-    // Divided by the largest entry first, so that no square under- or overflows.
-    let size = a.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    if size == 0.0 {
-        return a;
-    }
-    let a = a.map(|x| x / size);
-    let length = dot(a, a).sqrt();
-    a.map(|x| x / length)
-}
-
-pub(crate) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[cfg(test)]

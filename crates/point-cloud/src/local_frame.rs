@@ -3,10 +3,10 @@
 use ndarray::{Array1, Array2, ArrayView2};
 use rayon::prelude::*;
 
-use crate::disk::{cross, dot, sub, unit};
 use crate::neighbours::{CloudTree, rows};
 use crate::orient_normals::orient;
 use crate::quadric::{Quadric, principal_axes};
+use crate::vec3::{cross, dot, sub, unit};
 use crate::{CloudError, check_surface_cloud};
 
 /// Neighbours whose mean distance is the local spacing: the six of a hexagonal lattice.

@@ -2,7 +2,7 @@
 
 use ndarray::ArrayView2;
 
-use crate::disk::{cross, dot, sub, unit};
+use crate::vec3::{cross, dot, sub, unit};
 use crate::{CloudError, check_finite};
 
 /// A closed polygon in R³ (a plane one has z = 0), relative to its first point.

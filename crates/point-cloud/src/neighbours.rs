@@ -129,6 +129,13 @@ impl<'a> CloudTree<'a> {
         self.others(i, found.iter().map(|f| (f.distance, f.item)))
     }
 
+    /// Calls `visit` with every point at a distance of at most `radius` from point `i`, itself included, in no order.
+    pub(crate) fn for_each_within(&self, i: usize, radius: f64, mut visit: impl FnMut(u32)) {
+        let query = self.tree.query(&self.points[i]);
+        let found = query.within::<SquaredEuclidean<f64>>(radius * radius).unsorted().execute();
+        found.iter().for_each(|f| visit(f.item));
+    }
+
     fn others(&self, i: usize, found: impl Iterator<Item = (f64, u32)>) -> Vec<(f64, u32)> {
         let mut list: Vec<_> = found.filter(|f| f.1 as usize != i).map(|(d, j)| (d.sqrt(), j)).collect();
         sort(&mut list);

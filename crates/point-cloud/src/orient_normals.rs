@@ -3,8 +3,8 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use crate::disk::dot;
 use crate::neighbours::CloudTree;
+use crate::vec3::dot;
 
 /// Neighbours along which an orientation is passed on. Fewer may tear the graph, more may jump between close sheets.
 const GRAPH_NEIGHBOURS: usize = 8;

@@ -1,6 +1,6 @@
 //! The Delaunay star of a point in its tangent plane.
 
-use crate::disk::{cross, dot, sub, unit};
+use crate::vec3::{cross, dot, sub, unit};
 
 /// A point with its neighbourhood unrolled into its tangent plane.
 #[derive(Clone, Copy, Debug)]

@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use adaptive::Iteration;
 use serde::Serialize;
 
-use crate::output::{is_directory, part_name};
-use crate::{Error, FitOptions, OutputPaths, fit_file, write_outputs, write_text};
+use crate::output::{check_parameter_format, is_directory, part_name};
+use crate::{Error, Event, FitOptions, OutputPaths, fit_file, write_outputs, write_text};
 
 /// Where the results of a batch go, and how many parts are fitted at a time.
 #[derive(Clone, Debug, Default)]
@@ -29,12 +28,12 @@ pub struct BatchOptions {
 /// What happens to a part.
 #[derive(Clone, Copy, Debug)]
 pub enum BatchEvent<'a> {
-    /// An iteration of a part's loop.
-    Iteration {
+    /// Something within a part.
+    Within {
         /// The input.
         input: &'a Path,
-        /// The record.
-        record: &'a Iteration,
+        /// What happened.
+        event: Event<'a>,
     },
     /// A part is done with.
     Done(&'a PartResult),
@@ -155,11 +154,11 @@ fn fit_part(
     options: &FitOptions,
     on_event: &(dyn Fn(BatchEvent<'_>) + Sync),
 ) -> PartResult {
-    let mut observer = |record: &Iteration| {
-        on_event(BatchEvent::Iteration { input, record });
+    let mut watch = |event: Event<'_>| {
+        on_event(BatchEvent::Within { input, event });
         ControlFlow::Continue(())
     };
-    let fitted = fit_file(input, options, &mut observer).and_then(|fit| {
+    let fitted = fit_file(input, options, &mut watch).and_then(|fit| {
         write_outputs(&fit, outputs)?;
         Ok(fit.report)
     });
@@ -204,6 +203,18 @@ fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> 
         }
     }
     Ok(())
+}
+
+/// Checks the outputs of parameters before anything is read.
+///
+/// # Errors
+/// [`Error::ParameterFormat`], [`Error::OutputTwice`], [`Error::OutputIsInput`].
+pub fn check_parameter_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Path>) -> Result<(), Error> {
+    for path in outputs {
+        check_parameter_format(path)?;
+    }
+    let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
+    check_overwriting(&[input.to_owned()], &[paths], None)
 }
 
 fn check_overwriting(inputs: &[PathBuf], outputs: &[OutputPaths], summary: Option<&PathBuf>) -> Result<(), Error> {

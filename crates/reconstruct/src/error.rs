@@ -66,6 +66,60 @@ pub enum Error {
         /// Their value.
         value: f64,
     },
+    /// An option left out all points.
+    #[error("{option} leaves none of the {given} points; check that it is in the units of the file")]
+    NothingLeft {
+        /// Name of the option.
+        option: &'static str,
+        /// Number of points before.
+        given: usize,
+    },
+    /// A row that is not among the points that are laid out.
+    #[error(
+        "{option} names row {row}, counted from 0, which is not among the points that are laid out: the file has fewer, or it was left out"
+    )]
+    NoSuchPoint {
+        /// Name of the option.
+        option: &'static str,
+        /// The row.
+        row: u64,
+    },
+    /// A corner is not on the boundary.
+    #[error("--corners names row {row}, which is not on the outer boundary; take points of the outline")]
+    CornerInside {
+        /// The row, among the points that are laid out.
+        row: u32,
+    },
+    /// A point stands twice in the boundary.
+    #[error("the boundary names point {row} twice; once round is enough")]
+    BoundaryTwice {
+        /// The row, among the points that are laid out.
+        row: u32,
+    },
+    /// Too few points on the boundary.
+    #[error("the boundary that was given has {given} points; at least {required} are needed")]
+    BoundaryTooShort {
+        /// Number of points.
+        given: usize,
+        /// Number needed.
+        required: usize,
+    },
+    /// A boundary file holds something else than rows.
+    #[error("{}, line {line}: {text:?} is no row of a point; the file holds whole numbers from 0, separated by blanks, commas or line ends", path.display())]
+    BoundaryFile {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What stands there.
+        text: String,
+    },
+    /// A mask is no grid of cells.
+    #[error("{}: a mask is a grid file (.asc) of at least two cells; cells that are 0 or without data are left out", path.display())]
+    Mask {
+        /// The file.
+        path: PathBuf,
+    },
     /// An option is out of its range.
     #[error("{option} = {given} is out of range: {allowed}")]
     OptionRange {
@@ -79,6 +133,12 @@ pub enum Error {
     /// The name of an output file tells no format.
     #[error("{}: the extension names no output format; possible are .step .stp .xml .json .obj .ply .vtk, or a directory", path.display())]
     OutputFormat {
+        /// The output.
+        path: PathBuf,
+    },
+    /// The name of an output of parameters tells no format.
+    #[error("{}: parameters are written as .csv, or as a picture .svg", path.display())]
+    ParameterFormat {
         /// The output.
         path: PathBuf,
     },

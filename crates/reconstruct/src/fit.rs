@@ -4,16 +4,17 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use adaptive::{Observer, Outcome, Stop, run};
+use adaptive::{Iteration, Outcome, Stop, run};
 use fit_ls::{LeastSquares, directed_hausdorff, map_to_points};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2};
 use point_cloud::BoundingBox;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
+use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
-use crate::{Domain, Error, FitOptions};
+use crate::{Error, Event, FitOptions, Watch};
 
 /// Samples per direction and cell for the distance from surface to points.
 pub(crate) const SAMPLES: usize = 4;
@@ -55,31 +56,38 @@ impl Fit {
     }
 }
 
-/// Reads a file, as `options.read` says, and fits it.
+/// Reads a file, as the options say, and fits it.
 ///
 /// # Errors
 /// [`Error`].
-pub fn fit_file(path: &Path, options: &FitOptions, observer: &mut dyn Observer) -> Result<Fit, Error> {
-    let scan = read_scan(path, &options.read)?;
-    fit_scan(scan, &path.display().to_string(), options, observer)
+pub fn fit_file(path: &Path, options: &FitOptions, watch: &mut Watch<'_>) -> Result<Fit, Error> {
+    let _ = watch(Event::Step("reading"));
+    let scan = read_scan(path, &options.parameters.read)?;
+    fit_scan(scan, &path.display().to_string(), options, watch)
 }
 
 /// Fits what a file held; `name` stands in the report.
 ///
 /// # Errors
 /// [`Error`]. A tolerance that is not reached is no error: the report says why the loop ended.
-pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn Observer) -> Result<Fit, Error> {
+pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<'_>) -> Result<Fit, Error> {
     let start = Instant::now();
     options.check()?;
     let span = tracing::info_span!("fit", name);
     let _guard = span.enter();
     let format = scan.format;
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
-    let Parameterized { points, parameters, name: parameterization, corners, reversed, mut warnings } =
-        parameterize(scan, options)?;
+    let Parameterized { points, parameters, reversed, report: laid_out, mut warnings, .. } =
+        parameterize(scan, &options.parameters, watch)?;
     let diagonal = BoundingBox::of(points.view())?.diagonal();
     let tolerance = options.tol.resolve(diagonal);
-    tracing::info!(points = points.nrows(), parameterization, tolerance, "parameterized");
+    tracing::info!(
+        points = points.nrows(),
+        method = laid_out.method,
+        verdict = laid_out.verdict,
+        tolerance,
+        "parameterized"
+    );
 
     let fitting = fit_ls::Options {
         lambda: options.lambda.resolve(tolerance),
@@ -88,7 +96,9 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn
     };
     let mut method = LeastSquares::new(parameters.view(), points.view(), None, fitting)?;
     let space = Arc::new(HierarchicalSpace::new(Kind::Thb, level_zero_knots(&parameters, options)?)?);
-    let outcome = run(&mut method, space, &loop_options(options, tolerance, points.nrows()), observer)?;
+    let _ = watch(Event::Step("fitting"));
+    let mut observer = |record: &Iteration| watch(Event::Iteration(record));
+    let outcome = run(&mut method, space, &loop_options(options, tolerance, points.nrows()), &mut observer)?;
     let Outcome { map, stop, failure, history: iterations, .. } = outcome;
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
@@ -98,6 +108,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn
     let mut errors = Array1::zeros(points.nrows());
     method.points().order().iter().zip(sorted).for_each(|(&i, e)| errors[i as usize] = e);
 
+    let _ = watch(Event::Step("measuring the surface"));
     let dhd = directed_hausdorff(&map, parameters.view(), points.view())?;
     let hsd = dhd.max(map_to_points(&map, points.view(), SAMPLES)?);
     if hsd > FAR * diagonal {
@@ -118,9 +129,10 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, observer: &mut dyn
             triangles: read_triangles,
             fitted_points: points.nrows(),
             diagonal,
-            parameterization,
-            corners,
+            parameterization: laid_out.method,
+            corners: laid_out.corners,
         },
+        parameterization: laid_out,
         options: options.clone(),
         result: ResultReport {
             dofs: last.dofs,
@@ -167,7 +179,7 @@ fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[K
     let mut knots = Vec::with_capacity(2);
     for d in 0..2 {
         let uniform = KnotVector::uniform(options.degree.0[d], options.mesh.0[d])?;
-        knots.push(match options.domain {
+        knots.push(match options.parameters.domain {
             Domain::Unit => uniform,
             Domain::Data => {
                 let column = parameters.column(d);

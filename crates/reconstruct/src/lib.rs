@@ -1,6 +1,7 @@
 //! From a scan to a THB-spline surface in one library call.
 //!
-//! [`fit_scan`] takes what a file held, finds parameters, fits adaptively and reports how good the result is;
+//! [`fit_scan`] takes what a file held, finds parameters ([`parameterize`]), fits adaptively and reports how good the
+//! result is;
 //! [`write_outputs`] writes it in the formats of the given file names; [`run_batch`] does both for many files.
 //! [`compare`], [`eval_model`], [`convert`] and [`info`] answer questions about models and files. This crate parses no
 //! arguments and prints nothing.
@@ -16,30 +17,40 @@
 //!     csv += &format!("{i},{j},{x},{y},{}\n", x * x);
 //! }
 //! let scan = parse_scan(csv.as_bytes(), Format::Csv, &ReadOptions::default())?;
-//! let fit = fit_scan(scan, "parabola", &FitOptions::default(), &mut |_: &adaptive::Iteration| std::ops::ControlFlow::Continue(()))?;
+//! let fit = fit_scan(scan, "parabola", &FitOptions::default(), &mut |_| std::ops::ControlFlow::Continue(()))?;
 //! assert!(fit.reached() && fit.report.result.max < 1e-3);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 mod batch;
+mod clean;
 mod error;
 mod fit;
 mod inspect;
 mod mesh;
 mod options;
 mod output;
+mod parameter_options;
 mod parameters;
+mod picture;
 mod report;
+mod watch;
 
-pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, run_batch};
+pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
 pub use error::Error;
 pub use fit::{Fit, fit_file, fit_scan};
 pub use inspect::{Comparison, Info, compare, convert, eval_model, info};
-pub use options::{
-    Domain, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParameterChoice, ParseOptionError, Tolerance,
+pub use options::{Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Tolerance};
+pub use output::{OutputPaths, write_outputs, write_parameters, write_report, write_text};
+pub use parameter_options::{
+    BoundaryRule, Clean, Crop, Domain, GivenCorners, ParameterChoice, ParameterOptions, RadiusChoice, Refine,
 };
-pub use output::{OutputPaths, write_outputs, write_report, write_text};
-pub use report::{InputReport, IterationReport, Report, ResultReport, SecondsReport};
+pub use parameters::{
+    HoleReport, ParameterReport, Parameterized, Stretch, VoidReport, parameterize, parameterize_file,
+};
+pub use picture::draw_parameters;
+pub use report::{InputReport, IterationReport, LayoutReport, Report, ResultReport, SecondsReport, layout_report};
+pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};
 pub use geom_io::{Format, LengthUnit, ReadOptions};

@@ -5,22 +5,20 @@ use std::str::FromStr;
 
 use adaptive::Marking;
 use fit_ls::Lambda;
-use geom_io::{LengthUnit, ReadOptions};
+use geom_io::LengthUnit;
 use serde::{Serialize, Serializer};
 use thb_core::{MAX_DEGREE, MAX_LEVELS, Quadrature};
 
-use crate::Error;
+use crate::{Error, ParameterOptions};
 
 /// Options of [`crate::fit_scan`]. The defaults need no user.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FitOptions {
-    /// How the input is read.
+    /// How the input is read, cleaned and laid out.
     #[serde(flatten)]
-    pub read: ReadOptions,
+    pub parameters: ParameterOptions,
     /// The fitting method.
     pub method: Method,
-    /// Where parameters come from.
-    pub param: ParameterChoice,
     /// Degree per direction.
     pub degree: Pair,
     /// Elements of level 0 per direction.
@@ -45,8 +43,6 @@ pub struct FitOptions {
     pub admissible: Option<usize>,
     /// How the smoothing energy is integrated.
     pub energy: Energy,
-    /// The parameter domain.
-    pub domain: Domain,
     /// Length unit of the coordinates.
     #[serde(serialize_with = "unit_name")]
     pub units: LengthUnit,
@@ -61,9 +57,8 @@ pub struct FitOptions {
 impl Default for FitOptions {
     fn default() -> Self {
         Self {
-            read: ReadOptions::default(),
+            parameters: ParameterOptions::default(),
             method: Method::Ls,
-            param: ParameterChoice::Auto,
             degree: Pair([3, 3]),
             mesh: Pair([4, 4]),
             lambda: LambdaChoice::Auto,
@@ -76,7 +71,6 @@ impl Default for FitOptions {
             extension: Pair([2, 2]),
             admissible: None,
             energy: Energy::Exact,
-            domain: Domain::Unit,
             units: LengthUnit::Millimetre,
             flip: false,
             seed: 0,
@@ -91,6 +85,7 @@ impl FitOptions {
     /// # Errors
     /// [`Error::OptionRange`].
     pub fn check(&self) -> Result<(), Error> {
+        self.parameters.check()?;
         let range = |option, given: String, allowed, ok: bool| {
             if ok { Ok(()) } else { Err(Error::OptionRange { option, given, allowed }) }
         };
@@ -125,21 +120,22 @@ pub struct ParseOptionError {
     expected: &'static str,
 }
 
-fn parse_error(given: &str, expected: &'static str) -> ParseOptionError {
+pub(crate) fn parse_error(given: &str, expected: &'static str) -> ParseOptionError {
     ParseOptionError { given: given.to_owned(), expected }
 }
 
 /// Serializes an option as it is typed.
 macro_rules! serialize_as_typed {
     ($($type:ty),*) => {$(
-        impl Serialize for $type {
-            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        impl serde::Serialize for $type {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 serializer.collect_str(self)
             }
         }
     )*};
 }
-serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, ParameterChoice, Energy, Domain);
+pub(crate) use serialize_as_typed;
+serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, Energy);
 
 fn unit_name<S: Serializer>(unit: &LengthUnit, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(unit.name())
@@ -152,43 +148,29 @@ macro_rules! named {
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum $type { $($(#[$variant_doc])* $variant),* }
 
-        impl fmt::Display for $type {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        impl std::fmt::Display for $type {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 f.write_str(match self { $(Self::$variant => $name),* })
             }
         }
 
-        impl FromStr for $type {
-            type Err = ParseOptionError;
+        impl std::str::FromStr for $type {
+            type Err = $crate::ParseOptionError;
 
-            fn from_str(text: &str) -> Result<Self, ParseOptionError> {
-                match text { $($name => Ok(Self::$variant),)* _ => Err(parse_error(text, $expected)) }
+            fn from_str(text: &str) -> Result<Self, $crate::ParseOptionError> {
+                match text { $($name => Ok(Self::$variant),)* _ => Err($crate::options::parse_error(text, $expected)) }
             }
         }
     };
 }
+
+pub(crate) use named;
 
 named!(
     /// The fitting method.
     Method, "ls is the only method",
     /// Penalized least squares with fixed parameters.
     Ls = "ls"
-);
-named!(
-    /// Where parameters come from.
-    ParameterChoice, "auto, given, chord, centripetal, uniform or mean-value",
-    /// Given ones, else a mean-value map of the mesh, else chord length along the grid, else by the shape of the cloud.
-    Auto = "auto",
-    /// Those of the file.
-    Given = "given",
-    /// Chord length along the lines of a grid.
-    Chord = "chord",
-    /// Square root of the chord length along the lines of a grid.
-    Centripetal = "centripetal",
-    /// Equidistant along the lines of a grid; for meshes the barycentric map with equal weights.
-    Uniform = "uniform",
-    /// Barycentric map of a mesh with mean-value weights.
-    MeanValue = "mean-value"
 );
 named!(
     /// How the smoothing energy is integrated.
@@ -198,15 +180,6 @@ named!(
     /// With as many Gauss nodes per direction as the degree, as G+Smo does.
     GaussP = "gauss-p"
 );
-named!(
-    /// The parameter domain.
-    Domain, "unit or data",
-    /// The unit square.
-    Unit = "unit",
-    /// The box of the parameters in the file.
-    Data = "data"
-);
-
 impl Energy {
     pub(crate) fn quadrature(self) -> Quadrature {
         match self {

@@ -9,7 +9,7 @@ use geom_io::{
 use serde::Serialize;
 
 use crate::mesh::{nearest_errors, tessellate};
-use crate::{Error, Fit};
+use crate::{Error, Fit, Parameterized, draw_parameters};
 
 /// Where the results of one part go.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -99,6 +99,35 @@ pub fn write_report(path: &Path, report: &impl Serialize) -> Result<(), Error> {
         .map_err(|source| Error::Io { path: path.to_owned(), source: source.into() })?;
     text.push('\n');
     write_text(path, &text)
+}
+
+/// The format of a file of parameters.
+pub(crate) fn check_parameter_format(path: &Path) -> Result<&'static str, Error> {
+    let extension = path.extension().unwrap_or_default();
+    let known = ["csv", "svg"].into_iter().find(|known| extension.eq_ignore_ascii_case(known));
+    known.ok_or_else(|| Error::ParameterFormat { path: path.to_owned() })
+}
+
+/// Writes parameters by the extension of the file: `.csv` with the columns `row,x,y,z,u,v,boundary` (row in the input
+/// from 0; 1 for points of the outer boundary), or a picture `.svg`.
+///
+/// # Errors
+/// [`Error::ParameterFormat`], [`Error::Write`], [`Error::Io`].
+pub fn write_parameters(path: &Path, laid_out: &Parameterized) -> Result<(), Error> {
+    if check_parameter_format(path)? == "svg" {
+        return write_text(path, &draw_parameters(laid_out)?);
+    }
+    make_parent(path)?;
+    let mut on_boundary = vec![0; laid_out.rows.len()];
+    laid_out.boundary.iter().for_each(|&i| on_boundary[i as usize] = 1);
+    Ok(write_atomically(path, |out| {
+        writeln!(out, "row,x,y,z,u,v,boundary")?;
+        let places = laid_out.points.outer_iter().zip(laid_out.parameters.outer_iter());
+        for ((p, q), (row, label)) in places.zip(laid_out.rows.iter().zip(&on_boundary)) {
+            writeln!(out, "{row},{},{},{},{},{},{label}", p[0], p[1], p[2], q[0], q[1])?;
+        }
+        Ok(())
+    })?)
 }
 
 /// Writes a text file, complete or not at all, and makes the directory it lies in.

@@ -1,12 +1,13 @@
 //! The report: what went in, what was asked for, what came out.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use adaptive::Iteration;
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
-use crate::{Error, FitOptions};
+use crate::{Error, FitOptions, ParameterOptions, ParameterReport, Parameterized};
 
 /// Report of one fit. Keys are added by later versions, never renamed within a schema.
 #[derive(Clone, Debug, Serialize)]
@@ -15,6 +16,8 @@ pub struct Report {
     pub schema: u32,
     /// What was read.
     pub input: InputReport,
+    /// How parameters were found, and how good they are.
+    pub parameterization: ParameterReport,
     /// All options, defaults included, as they are typed.
     pub options: FitOptions,
     /// What came out.
@@ -23,6 +26,35 @@ pub struct Report {
     pub history: Vec<IterationReport>,
     /// What the user should know.
     pub warnings: Vec<String>,
+}
+
+/// Report of parameters alone.
+#[derive(Clone, Debug, Serialize)]
+pub struct LayoutReport<'a> {
+    /// Version of this layout.
+    pub schema: u32,
+    /// The file.
+    pub file: String,
+    /// Points with parameters.
+    pub points: usize,
+    /// All options, defaults included, as they are typed.
+    pub options: &'a ParameterOptions,
+    /// How parameters were found, and how good they are.
+    pub parameterization: &'a ParameterReport,
+    /// What the user should know.
+    pub warnings: &'a [String],
+}
+
+/// The report of a scan that was laid out.
+pub fn layout_report<'a>(file: &Path, options: &'a ParameterOptions, laid_out: &'a Parameterized) -> LayoutReport<'a> {
+    LayoutReport {
+        schema: 1,
+        file: file.display().to_string(),
+        points: laid_out.points.nrows(),
+        options,
+        parameterization: &laid_out.report,
+        warnings: &laid_out.warnings,
+    }
 }
 
 /// What was read.
@@ -42,7 +74,7 @@ pub struct InputReport {
     pub diagonal: f64,
     /// How parameters were found.
     pub parameterization: &'static str,
-    /// For a mapped mesh the vertices at (0,0), (1,0), (1,1), (0,1), after the merging of equal vertices.
+    /// Rows in the file, from 0, of the points at (0,0), (1,0), (1,1), (0,1), where a boundary was laid out.
     pub corners: Option<[u32; 4]>,
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::CellSpace;
+use crate::{CellSpace, Error};
 
 /// Which pairs of functions share a cell: the lower triangle in compressed columns, rows increasing.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +69,25 @@ impl SymmetricPattern {
     }
 }
 
+impl SymmetricPattern {
+    /// The pattern in which each entry is a dense block of `size` rows and columns: unknown `k` of function `j` has the
+    /// number `j · size + k`.
+    pub fn blocked(&self, size: usize) -> Self {
+        let mut columns = Vec::with_capacity(self.n * size + 1);
+        let mut rows = Vec::with_capacity(self.rows.len() * size * size);
+        columns.push(0);
+        for j in 0..self.n {
+            let below = &self.rows[self.columns[j] + 1..self.columns[j + 1]];
+            for k in 0..size {
+                rows.extend(j * size + k..(j + 1) * size);
+                rows.extend(below.iter().flat_map(|&i| i * size..(i + 1) * size));
+                columns.push(rows.len());
+            }
+        }
+        Self { n: self.n * size, columns: columns.into(), rows: rows.into() }
+    }
+}
+
 /// A symmetric matrix with the pattern of a space.
 #[derive(Clone, Debug)]
 pub struct SymmetricMatrix {
@@ -110,6 +129,35 @@ impl SymmetricMatrix {
                 values[at] += matrix[i * n_active + j];
             }
         }
+    }
+
+    /// The matrix of [`SymmetricPattern::blocked`] whose block of functions i and j has the entries `parts[a][b]` of i and j,
+    /// each part symmetric: `parts` holds the pairs a ≤ b row by row, `size (size + 1) / 2` matrices of one pattern.
+    ///
+    /// # Errors
+    /// [`Error::Shape`].
+    pub fn from_blocks(pattern: &SymmetricPattern, parts: &[Self], size: usize) -> Result<Self, Error> {
+        let expected = size * (size + 1) / 2;
+        if parts.len() != expected || size == 0 {
+            return Err(Error::Shape { what: "parts of a block matrix", given: parts.len(), expected });
+        }
+        let base = &parts[0].pattern;
+        if pattern.n != base.n * size {
+            return Err(Error::Shape { what: "unknowns of a block pattern", given: pattern.n, expected: base.n * size });
+        }
+        let part = |a: usize, b: usize| {
+            let (low, high) = (a.min(b), a.max(b));
+            &parts[low * size - low * (low + 1) / 2 + high].values
+        };
+        let mut values = Vec::with_capacity(pattern.rows.len());
+        for j in 0..base.n {
+            let (first, last) = (base.columns[j], base.columns[j + 1]);
+            for b in 0..size {
+                values.extend((b..size).map(|a| part(a, b)[first]));
+                values.extend((first + 1..last).flat_map(|at| (0..size).map(move |a| (at, a))).map(|(at, a)| part(a, b)[at]));
+            }
+        }
+        Ok(Self { pattern: pattern.clone(), values })
     }
 
     /// Sum of the diagonal.

@@ -3,6 +3,7 @@
 pub mod fixtures;
 mod format;
 mod mesh;
+pub mod scattered;
 pub mod surface;
 
 use std::f64::consts::TAU;

@@ -9,7 +9,7 @@ use crate::error::ReadErrorKind;
 /// Largest grid index: beyond, whole numbers are no longer exact in `f64`.
 const MAX_GRID_INDEX: f64 = 9_007_199_254_740_992.0;
 
-/// Columns by name: `x`, `y`, `z` (or those of the options), `u`, `v`, `i`, `j`.
+/// Columns by name: `x`, `y`, `z` (or those of the options), `u`, `v`, `i`, `j`, `boundary`.
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
     let mut lines = Lines::new(bytes);
     // Not trimmed: a tab at the end closes an empty field.
@@ -37,7 +37,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
     }
 
     let columns = Columns::find(&fields, options)?;
-    let (mut points, mut parameters, mut places) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut points, mut parameters, mut places, mut on_boundary) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut row = Vec::with_capacity(fields.len());
     while let Some(line) = next_line() {
         row.clear();
@@ -54,6 +54,9 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
         for &column in &columns.parameters {
             parameters.push(line.coordinate(row[column])?);
         }
+        if let Some(column) = columns.boundary {
+            on_boundary.push(line.coordinate(row[column])? != 0.0);
+        }
         if let Some([i, j]) = columns.grid {
             places.push(Place {
                 i: grid_index(line, row[i])?,
@@ -69,6 +72,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
         scan.cloud.parameters = Some(rows(parameters, columns.parameters.len()));
     }
     scan.notes = columns.notes;
+    scan.on_boundary = columns.boundary.map(|_| on_boundary);
     if !places.is_empty() {
         to_grid(&mut scan, places)?;
     }
@@ -98,6 +102,7 @@ struct Columns {
     coordinates: Vec<usize>,
     parameters: Vec<usize>,
     grid: Option<[usize; 2]>,
+    boundary: Option<usize>,
     notes: Vec<String>,
 }
 
@@ -137,15 +142,20 @@ impl Columns {
         };
         let grid = find("i")?.zip(find("j")?).map(|(i, j)| [i, j]);
 
+        let boundary = find("boundary")?.filter(|column| !coordinates.contains(column));
+
         let used = |k: &usize| {
-            coordinates.contains(k) || parameters.contains(k) || grid.is_some_and(|columns| columns.contains(k))
+            coordinates.contains(k)
+                || parameters.contains(k)
+                || grid.is_some_and(|columns| columns.contains(k))
+                || boundary == Some(*k)
         };
         let ignored: Vec<_> = (0..names.len()).filter(|k| !used(k)).map(|k| quote(names[k])).collect();
         let notes = match ignored.is_empty() {
             true => Vec::new(),
             false => vec![format!("columns that were ignored: {}", ignored.join(", "))],
         };
-        Ok(Self { coordinates, parameters, grid, notes })
+        Ok(Self { coordinates, parameters, grid, boundary, notes })
     }
 }
 
@@ -185,6 +195,7 @@ fn to_grid(scan: &mut Scan, mut places: Vec<Place>) -> Result<(), ReadErrorKind>
         let order: Vec<_> = places.iter().map(|p| p.row).collect();
         scan.cloud.points = scan.cloud.points.select(ndarray::Axis(0), &order);
         scan.cloud.parameters = scan.cloud.parameters.take().map(|p| p.select(ndarray::Axis(0), &order));
+        scan.on_boundary = scan.on_boundary.take().map(|labels| order.iter().map(|&row| labels[row]).collect());
         scan.notes.push("rows were sorted by (i, j)".to_owned());
     }
     scan.cloud.grid = Some(GridShape { n_u, n_v });

@@ -50,6 +50,8 @@ pub struct Scan {
     pub cloud: PointCloud,
     /// Triangles of a mesh whose vertices are the points; indices are in range.
     pub triangles: Option<Vec<[u32; 3]>>,
+    /// Whether each point lies on the outer boundary, where a CSV file has a column `boundary`: 0 for inside.
+    pub on_boundary: Option<Vec<bool>>,
     /// The format that was read.
     pub format: Format,
     /// What was left out or changed, in words for a person.
@@ -58,7 +60,13 @@ pub struct Scan {
 
 impl Scan {
     fn new(format: Format, points: Array2<f64>) -> Self {
-        Self { cloud: PointCloud { points, parameters: None, grid: None }, triangles: None, format, notes: Vec::new() }
+        Self {
+            cloud: PointCloud { points, parameters: None, grid: None },
+            triangles: None,
+            on_boundary: None,
+            format,
+            notes: Vec::new(),
+        }
     }
 }
 

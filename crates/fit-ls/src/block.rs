@@ -1,0 +1,60 @@
+//! Normal equations whose weights couple the coordinates of a point.
+
+use ndarray::Array2;
+use thb_core::{CellSpace, SymmetricMatrix, SymmetricPattern};
+
+use crate::kernel::Terms;
+use crate::normal::{BATCH, Expansion, cell_equations};
+use crate::{Error, SortedPoints};
+
+/// `Σ_i B(u_i) B(u_i)ᵀ ⊗ W_i` and `Σ_i B(u_i) ⊗ q_i` for symmetric `N × N` matrices `W_i` and vectors `q_i`: the equations
+/// of distances to tangent planes, and what remains of a joint problem once the parameters are eliminated.
+#[derive(Clone, Debug)]
+pub struct BlockEquations {
+    /// `Σ W_ab B Bᵀ` for the pairs a ≤ b, row by row: `N (N + 1) / 2` matrices.
+    pub matrices: Vec<SymmetricMatrix>,
+    /// `Σ B qᵀ`, `(n_functions, N)`.
+    pub right: Array2<f64>,
+}
+
+impl BlockEquations {
+    /// The equations of points that are sorted by the cells of the space. `weights` holds one array per pair a ≤ b, row
+    /// by row, `right` one per coordinate; both in the order of the sorted points.
+    ///
+    /// # Errors
+    /// [`Error::Shape`].
+    pub fn new<const D: usize, S: CellSpace<D>>(
+        space: &S,
+        pattern: &SymmetricPattern,
+        points: &SortedPoints<D>,
+        weights: &[Vec<f64>],
+        right: &[Vec<f64>],
+    ) -> Result<Self, Error> {
+        let n = right.len();
+        let check = |what, given: usize, expected: usize| {
+            if given == expected { Ok(()) } else { Err(Error::Shape { what, given, expected }) }
+        };
+        check("cells the points are sorted for", points.offsets().len() - 1, space.n_cells())?;
+        check("weight columns", weights.len(), n * (n + 1) / 2)?;
+        for column in weights.iter().chain(right) {
+            check("rows of weights and right-hand sides", column.len(), points.len())?;
+        }
+        let terms = Terms { parameters: &points.parameters, factors: weights, columns: right, weights: None };
+        let mut equations = Self {
+            matrices: vec![SymmetricMatrix::zeros(pattern); weights.len()],
+            right: Array2::zeros((pattern.n(), n)),
+        };
+        let expansion = Expansion::new(space.degree());
+        for first in (0..space.n_cells()).step_by(BATCH) {
+            let cells = first..(first + BATCH).min(space.n_cells());
+            for local in cell_equations(space, points.offsets(), terms, cells, &expansion) {
+                let functions = space.cell(local.cell).functions;
+                for (matrix, part) in equations.matrices.iter_mut().zip(&local.matrices) {
+                    matrix.add_cell(functions, part);
+                }
+                local.add_right(space, &mut equations.right);
+            }
+        }
+        Ok(equations)
+    }
+}

@@ -1,0 +1,577 @@
+//! Foot points: the parameters of the map's points nearest to given points (Imperatore 2024, §5.1.1).
+
+use std::ops::Range;
+
+use fit_ls::SortedPoints;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use ndarray::Array2;
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+use thb_core::{BezierMap, CellSpace, ClosestPoints, HierarchicalSpace, SplineMap};
+
+use crate::constraint::Constraints;
+use crate::patch::{Jet, MAX_DIM, Patch, Vector, difference, dot};
+use crate::Error;
+
+/// Where the search for a foot point starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// At the present parameter.
+    Present,
+    /// At the nearest of samples of the map, so many per direction and cell.
+    Sampled(usize),
+    /// At both; the nearer foot point wins.
+    Both(usize),
+    /// At the present parameter, then all pieces of the map that could be nearer are searched: the result is the global
+    /// minimum (up to several minima within a piece of nearly constant tangent). Constrained points are not searched.
+    Global,
+}
+
+/// How foot points are sought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FootPointOptions {
+    /// Where to start.
+    pub start: Start,
+    /// How to descend.
+    pub descent: Descent,
+    /// Largest number of steps per start.
+    pub max_steps: usize,
+}
+
+impl Default for FootPointOptions {
+    /// Newton's method from the present parameter, at most 20 steps.
+    fn default() -> Self {
+        Self { start: Start::Present, descent: Descent::Newton, max_steps: 20 }
+    }
+}
+
+/// How the squared distance is minimized. The others are there to be compared with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Descent {
+    /// Newton's method with the exact Hessian, damped where it does not descend.
+    Newton,
+    /// Steepest descent with halved steps, until the step in the parameters falls below `min_step`.
+    Gradient {
+        /// Smallest step, in parameters.
+        min_step: f64,
+    },
+    /// The quasi-Newton method of a parameter's own few steps (BFGS): first derivatives only.
+    QuasiNewton {
+        /// Smallest step, in parameters.
+        min_step: f64,
+    },
+}
+
+/// Foot points of sorted points, in their order.
+#[derive(Clone, Debug)]
+pub struct FootPoints<const D: usize> {
+    /// Parameters.
+    pub parameters: Vec<[f64; D]>,
+    /// Cells that hold them.
+    pub cells: Vec<u32>,
+    /// Distances of the points to the map there.
+    pub distances: Vec<f64>,
+    /// What the search did.
+    pub report: FootPointReport,
+}
+
+/// What a search for foot points did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FootPointReport {
+    /// Mean number of steps per point.
+    pub mean_steps: f64,
+    /// Largest number of steps of a point.
+    pub max_steps: usize,
+    /// Share of the points whose distance fell, so that they moved.
+    pub accepted: f64,
+    /// Mean length of the moves, in parameters.
+    pub mean_move: f64,
+    /// Largest length of a move, in parameters.
+    pub max_move: f64,
+}
+
+/// Points of one parallel task.
+const CHUNK: usize = 512;
+
+/// A step below this share of the cell is the last one: what Newton's method leaves is of the order of its square.
+const LAST_STEP: f64 = 1e-6;
+
+/// Steps below this share of the cell are round-off and not taken.
+const NO_STEP: f64 = 1e-13;
+
+/// Longest step, in cells: beyond a neighbour the polynomial of the cell says nothing.
+const REACH: f64 = 1.0;
+
+/// Foot points of points sorted by the cells of the map's space. A point moves only if its distance falls.
+///
+/// # Errors
+/// [`Error::Dimension`], [`Error::Shape`] if points and map have different dimensions or the points are sorted for another
+/// space.
+pub fn foot_points<const D: usize>(
+    map: &SplineMap<D>,
+    points: &SortedPoints<D>,
+    constraints: &Constraints<D>,
+    options: &FootPointOptions,
+) -> Result<FootPoints<D>, Error> {
+    foot_points_from(map, points, None, constraints, options)
+}
+
+/// Parameters to start from instead of the present ones, with their cells; in the order of the points.
+pub(crate) type Starts<'a, const D: usize> = (&'a [[f64; D]], &'a [u32]);
+
+/// As [`foot_points`]. What moved is counted from the present parameters, wherever the search starts.
+pub(crate) fn foot_points_from<const D: usize>(
+    map: &SplineMap<D>,
+    points: &SortedPoints<D>,
+    starts: Option<Starts<'_, D>>,
+    constraints: &Constraints<D>,
+    options: &FootPointOptions,
+) -> Result<FootPoints<D>, Error> {
+    check(map, points)?;
+    let search = Search::new(map, options)?;
+    let chunks: Vec<Vec<Found<D>>> = (0..points.len().div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let range = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(points.len());
+            // PERF: the vectors of the machine at hand; sums and products are rounded alike everywhere.
+            pulp::Arch::new().dispatch(Chunk { search: &search, points, starts, constraints, range })
+        })
+        .collect();
+    let mut result = FootPoints {
+        parameters: Vec::with_capacity(points.len()),
+        cells: Vec::with_capacity(points.len()),
+        distances: Vec::with_capacity(points.len()),
+        report: FootPointReport::default(),
+    };
+    let (mut steps, mut moved) = (0, 0);
+    for found in chunks.into_iter().flatten() {
+        let before = points.parameter(result.parameters.len());
+        let length = (0..D).map(|d| (found.u[d] - before[d]).powi(2)).sum::<f64>().sqrt();
+        let report = &mut result.report;
+        steps += found.steps;
+        moved += usize::from(length > 0.0);
+        report.max_steps = report.max_steps.max(found.steps);
+        report.mean_move += length;
+        report.max_move = report.max_move.max(length);
+        result.parameters.push(found.u);
+        result.cells.push(found.cell as u32);
+        result.distances.push(found.squared.sqrt());
+    }
+    let count = points.len().max(1) as f64;
+    result.report.mean_steps = steps as f64 / count;
+    result.report.accepted = moved as f64 / count;
+    result.report.mean_move /= count;
+    Ok(result)
+}
+
+/// A range of points whose foot points are sought.
+struct Chunk<'a, const D: usize> {
+    search: &'a Search<'a, D>,
+    points: &'a SortedPoints<D>,
+    starts: Option<Starts<'a, D>>,
+    constraints: &'a Constraints<D>,
+    range: Range<usize>,
+}
+
+impl<const D: usize> WithSimd for Chunk<'_, D> {
+    type Output = Vec<Found<D>>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
+        let Self { search, points, starts, constraints, range } = self;
+        let offsets = points.offsets();
+        let mut cell = offsets.partition_point(|&o| o <= range.start) - 1;
+        let mut patch = Patch::new(search.map, cell);
+        let mut found = Vec::with_capacity(range.len());
+        for at in range {
+            while offsets[cell + 1] <= at {
+                cell += 1;
+            }
+            let free = constraints.free(points.order()[at] as usize);
+            let (cell, u) = match starts {
+                Some((parameters, cells)) => (cells[at] as usize, parameters[at]),
+                None => (cell, points.parameter(at)),
+            };
+            found.push(search.find(&mut patch, &point(points, at), cell, u, free));
+        }
+        found
+    }
+}
+
+/// Checks that points and map fit together.
+pub(crate) fn check<const D: usize>(map: &SplineMap<D>, points: &SortedPoints<D>) -> Result<(), Error> {
+    if points.dim() > MAX_DIM {
+        return Err(Error::Dimension { given: points.dim(), limit: MAX_DIM });
+    }
+    for (what, given, expected) in [
+        ("coordinates of the points", points.dim(), map.dim()),
+        ("cells the points are sorted for", points.offsets().len() - 1, map.space().n_cells()),
+    ] {
+        if given != expected {
+            return Err(Error::Shape { what, given, expected });
+        }
+    }
+    Ok(())
+}
+
+/// A sorted point, padded.
+pub(crate) fn point<const D: usize>(points: &SortedPoints<D>, at: usize) -> Vector {
+    let mut target = [0.0; 4];
+    (0..points.dim()).for_each(|k| target[k] = points.coordinates(k)[at]);
+    target
+}
+
+/// A parameter reached by the search.
+#[derive(Clone, Copy, Debug)]
+struct Found<const D: usize> {
+    u: [f64; D],
+    cell: usize,
+    squared: f64,
+    steps: usize,
+}
+
+/// What all points of a search share.
+struct Search<'a, const D: usize> {
+    space: &'a HierarchicalSpace<D>,
+    map: &'a BezierMap<D>,
+    domain: ([f64; D], [f64; D]),
+    options: FootPointOptions,
+    samples: Option<Samples<D>>,
+    global: Option<ClosestPoints<D>>,
+}
+
+impl<'a, const D: usize> Search<'a, D> {
+    fn new(map: &'a SplineMap<D>, options: &FootPointOptions) -> Result<Self, Error> {
+        let samples = match options.start {
+            Start::Sampled(count) | Start::Both(count) => Some(Samples::new(map.bezier(), count)?),
+            Start::Present | Start::Global => None,
+        };
+        let global = (options.start == Start::Global).then(|| ClosestPoints::new(map.bezier().clone())).transpose()?;
+        let domain = map.space().domain();
+        Ok(Self { space: map.space(), map: map.bezier(), domain, options: *options, samples, global })
+    }
+
+    #[inline(always)]
+    fn find(&self, patch: &mut Patch<D>, point: &Vector, cell: usize, u: [f64; D], free: [bool; D]) -> Found<D> {
+        let unconstrained = free.iter().all(|f| *f);
+        let mut best = match self.options.start {
+            Start::Sampled(_) if unconstrained => {
+                self.enter(patch, cell);
+                let residual = difference(&patch.jet(u).value, point);
+                Found { u, cell, squared: dot(&residual, &residual), steps: 0 }
+            }
+            _ => self.descend(patch, point, cell, u, free),
+        };
+        if let Some(samples) = self.samples.as_ref().filter(|_| unconstrained) {
+            let (cell, u) = samples.nearest(point);
+            best = nearer(best, self.descend(patch, point, cell, u, free));
+        }
+        if let Some(global) = self.global.as_ref().filter(|_| unconstrained) {
+            let found = global.closest_from(&point[..self.map.dim()], best.cell, best.u);
+            best = nearer(best, Found { u: found.u, cell: found.cell, squared: found.distance.powi(2), steps: 0 });
+        }
+        best
+    }
+
+    fn enter(&self, patch: &mut Patch<D>, cell: usize) {
+        if patch.cell() != cell {
+            patch.load(self.map, cell);
+        }
+    }
+
+    /// The cell of a parameter within the domain, given the present one.
+    fn cell_of(&self, patch: &Patch<D>, u: [f64; D]) -> usize {
+        if patch.contains(u) { patch.cell() } else { self.space.locate_cell(u).unwrap_or(patch.cell()) }
+    }
+
+    #[inline(always)]
+    fn descend(&self, patch: &mut Patch<D>, point: &Vector, cell: usize, start: [f64; D], free: [bool; D]) -> Found<D> {
+        self.enter(patch, cell);
+        let mut u = start;
+        let mut local = Local::new(&patch.jet(u), point);
+        let mut state = DescentState::new(self.options.descent);
+        let mut steps = 0;
+        let (lower, upper) = self.domain;
+        while steps < self.options.max_steps {
+            let size = patch.size();
+            let free = std::array::from_fn(|d| {
+                free[d] && !(u[d] <= lower[d] && local.gradient[d] >= 0.0 || u[d] >= upper[d] && local.gradient[d] <= 0.0)
+            });
+            let Some(step) = state.step(&local, u, free, size) else { break };
+            let relative = |v: &[f64; D]| (0..D).map(|d| (v[d] / size[d]).abs()).fold(0.0, f64::max);
+            let shrink = (REACH / relative(&step)).min(1.0);
+            let candidate: [f64; D] =
+                std::array::from_fn(|d| if free[d] { (u[d] + shrink * step[d]).clamp(lower[d], upper[d]) } else { u[d] });
+            let moved = relative(&std::array::from_fn(|d| candidate[d] - u[d]));
+            if moved <= NO_STEP || moved.is_nan() {
+                break;
+            }
+            steps += 1;
+            let home = patch.cell();
+            self.enter(patch, self.cell_of(patch, candidate));
+            let next = Local::new(&patch.jet(candidate), point);
+            if next.squared < local.squared {
+                (u, local) = (candidate, next);
+                state.accepted();
+                if moved < LAST_STEP {
+                    break;
+                }
+            } else {
+                self.enter(patch, home);
+                if moved < LAST_STEP || !state.rejected(moved * size.iter().copied().fold(f64::INFINITY, f64::min)) {
+                    break;
+                }
+            }
+        }
+        // On the edge between two cells the point belongs to the upper one.
+        let cell = if patch.owns(u) { patch.cell() } else { self.space.locate_cell(u).unwrap_or(patch.cell()) };
+        Found { u, cell, squared: local.squared, steps }
+    }
+}
+
+fn nearer<const D: usize>(a: Found<D>, b: Found<D>) -> Found<D> {
+    let steps = a.steps + b.steps;
+    let best = if b.squared < a.squared { b } else { a };
+    Found { steps, ..best }
+}
+
+/// The squared distance at a parameter, with the derivatives of its half.
+struct Local<const D: usize> {
+    squared: f64,
+    gradient: [f64; D],
+    hessian: [[f64; D]; D],
+    /// The part of the Hessian without second derivatives: never indefinite.
+    metric: [[f64; D]; D],
+}
+
+impl<const D: usize> Local<D> {
+    #[inline(always)]
+    fn new(jet: &Jet<D>, point: &Vector) -> Self {
+        let residual = difference(&jet.value, point);
+        let mut metric = [[0.0; D]; D];
+        let mut hessian = [[0.0; D]; D];
+        for a in 0..D {
+            for b in a..D {
+                metric[a][b] = dot(&jet.first[a], &jet.first[b]);
+                hessian[a][b] = metric[a][b] + dot(&jet.second[a][b], &residual);
+                (metric[b][a], hessian[b][a]) = (metric[a][b], hessian[a][b]);
+            }
+        }
+        let gradient = std::array::from_fn(|a| dot(&jet.first[a], &residual));
+        Self { squared: dot(&residual, &residual), gradient, hessian, metric }
+    }
+}
+
+/// What a descent remembers from step to step.
+enum DescentState<const D: usize> {
+    Newton { damping: f64 },
+    Gradient { length: f64, min_step: f64 },
+    QuasiNewton { inverse: [[f64; D]; D], before: Option<([f64; D], [f64; D])>, length: f64, min_step: f64 },
+}
+
+/// First damping of a Newton step that did not descend, as a share of the metric; then it grows by `DAMPING_FACTOR`.
+const FIRST_DAMPING: f64 = 0.1;
+
+/// Growth of the damping.
+const DAMPING_FACTOR: f64 = 10.0;
+
+impl<const D: usize> DescentState<D> {
+    fn new(descent: Descent) -> Self {
+        match descent {
+            Descent::Newton => Self::Newton { damping: 0.0 },
+            Descent::Gradient { min_step } => Self::Gradient { length: 1.0, min_step },
+            Descent::QuasiNewton { min_step } => {
+                Self::QuasiNewton { inverse: [[0.0; D]; D], before: None, length: 1.0, min_step }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn step(&mut self, local: &Local<D>, u: [f64; D], free: [bool; D], size: [f64; D]) -> Option<[f64; D]> {
+        match self {
+            Self::Newton { damping } => solve_positive(&local.hessian, &local.metric, *damping, &local.gradient, free)
+                .or_else(|| solve_positive(&local.metric, &local.metric, *damping, &local.gradient, free)),
+            Self::Gradient { length, .. } => {
+                // The first trial step minimizes along the gradient if the map were linear.
+                let g: [f64; D] = std::array::from_fn(|d| if free[d] { local.gradient[d] } else { 0.0 });
+                let (slope, bend) = quadratic(&g, &local.metric);
+                (bend > 0.0).then(|| g.map(|x| -x * *length * slope / bend))
+            }
+            Self::QuasiNewton { inverse, before, length, .. } => {
+                match before {
+                    Some((old_u, old_gradient)) => update_inverse(
+                        inverse,
+                        std::array::from_fn(|d| u[d] - old_u[d]),
+                        std::array::from_fn(|d| local.gradient[d] - old_gradient[d]),
+                    ),
+                    None => (0..D).for_each(|d| inverse[d][d] = size[d] * size[d] / trace(&local.metric, size)),
+                }
+                *before = Some((u, local.gradient));
+                let product = |a: usize| (0..D).map(|b| inverse[a][b] * local.gradient[b]).sum::<f64>();
+                let step = std::array::from_fn(|a| if free[a] { -product(a) * *length } else { 0.0 });
+                let descends = (0..D).map(|d| step[d] * local.gradient[d]).sum::<f64>() < 0.0;
+                descends.then_some(step)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn accepted(&mut self) {
+        match self {
+            Self::Newton { damping } => *damping /= DAMPING_FACTOR,
+            Self::Gradient { length, .. } | Self::QuasiNewton { length, .. } => *length = 1.0,
+        }
+    }
+
+    /// Shortens the next step; false if it would be too short.
+    fn rejected(&mut self, moved: f64) -> bool {
+        match self {
+            Self::Newton { damping } => {
+                *damping = (*damping * DAMPING_FACTOR).max(FIRST_DAMPING);
+                true
+            }
+            Self::Gradient { length, min_step } | Self::QuasiNewton { length, min_step, .. } => {
+                *length *= 0.5;
+                0.5 * moved >= *min_step
+            }
+        }
+    }
+}
+
+fn trace<const D: usize>(metric: &[[f64; D]; D], size: [f64; D]) -> f64 {
+    (0..D).map(|d| metric[d][d] * size[d] * size[d]).sum::<f64>().max(f64::MIN_POSITIVE)
+}
+
+/// `gᵀg` and `gᵀMg`.
+fn quadratic<const D: usize>(g: &[f64; D], m: &[[f64; D]; D]) -> (f64, f64) {
+    let product = |a: usize| (0..D).map(|b| m[a][b] * g[b]).sum::<f64>();
+    ((0..D).map(|a| g[a] * g[a]).sum(), (0..D).map(|a| g[a] * product(a)).sum())
+}
+
+/// The BFGS update of an inverse Hessian for a step and the change of the gradient; none where the curvature is not
+/// positive.
+fn update_inverse<const D: usize>(inverse: &mut [[f64; D]; D], step: [f64; D], change: [f64; D]) {
+    let curvature: f64 = (0..D).map(|d| step[d] * change[d]).sum();
+    if curvature <= 0.0 || curvature.is_nan() {
+        return;
+    }
+    let hy: [f64; D] = std::array::from_fn(|a| (0..D).map(|b| inverse[a][b] * change[b]).sum());
+    let yhy: f64 = (0..D).map(|d| change[d] * hy[d]).sum();
+    for a in 0..D {
+        for b in 0..D {
+            inverse[a][b] += (1.0 + yhy / curvature) * step[a] * step[b] / curvature
+                - (hy[a] * step[b] + step[a] * hy[b]) / curvature;
+        }
+    }
+}
+
+/// Solves `(M + damping · diag(S)) x = −g` in the free directions by Cholesky factorization; `None` unless positive
+/// definite beyond round-off.
+#[inline(always)]
+pub(crate) fn solve_positive<const D: usize>(
+    matrix: &[[f64; D]; D],
+    scale: &[[f64; D]; D],
+    damping: f64,
+    gradient: &[f64; D],
+    free: [bool; D],
+) -> Option<[f64; D]> {
+    let mut factor = [[0.0; D]; D];
+    let mut x = [0.0; D];
+    for i in 0..D {
+        for j in 0..=i {
+            let entry = match (i == j, free[i] && free[j]) {
+                (true, true) => matrix[i][i] + damping * scale[i][i],
+                (true, false) => 1.0,
+                (false, true) => matrix[i][j],
+                (false, false) => 0.0,
+            };
+            let mut rest = entry;
+            for k in 0..j {
+                rest -= factor[i][k] * factor[j][k];
+            }
+            if i == j {
+                if rest <= f64::EPSILON * entry.abs() || rest.is_nan() {
+                    return None;
+                }
+                factor[i][i] = rest.sqrt();
+            } else {
+                factor[i][j] = rest / factor[j][j];
+            }
+        }
+        let mut right = if free[i] { -gradient[i] } else { 0.0 };
+        for k in 0..i {
+            right -= factor[i][k] * x[k];
+        }
+        x[i] = right / factor[i][i];
+    }
+    for i in (0..D).rev() {
+        for k in i + 1..D {
+            x[i] -= factor[k][i] * x[k];
+        }
+        x[i] /= factor[i][i];
+    }
+    Some(x)
+}
+
+/// Samples of a map, searched for the nearest.
+struct Samples<const D: usize> {
+    tree: ImmutableKdTree<f64, MAX_DIM>,
+    at: Vec<(u32, [f64; D])>,
+}
+
+impl<const D: usize> Samples<D> {
+    /// `count` samples per direction in the interior of each cell.
+    fn new(map: &BezierMap<D>, count: usize) -> Result<Self, Error> {
+        let count = count.max(1);
+        let (at, images): (Vec<_>, Vec<_>) = (0..map.n_cells())
+            .into_par_iter()
+            .flat_map_iter(|cell| {
+                let patch = Patch::new(map, cell);
+                let (lower, upper) = map.cell_box(cell);
+                (0..count.pow(D as u32)).map(move |linear| {
+                    let u = std::array::from_fn(|d| {
+                        let i = linear / count.pow(d as u32) % count;
+                        lower[d] + (upper[d] - lower[d]) * (i as f64 + 0.5) / count as f64
+                    });
+                    let value = patch.jet(u).value;
+                    ((cell as u32, u), [value[0], value[1], value[2]])
+                })
+            })
+            .unzip();
+        let failed = |_| Error::Shape { what: "samples of the map", given: 0, expected: 1 };
+        Ok(Self { tree: ImmutableKdTree::new_from_slice(&images).map_err(failed)?, at })
+    }
+
+    fn nearest(&self, point: &Vector) -> (usize, [f64; D]) {
+        let query = [point[0], point[1], point[2]];
+        let item = self.tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute().item;
+        let (cell, u) = self.at[item as usize];
+        (cell as usize, u)
+    }
+}
+
+/// Foot points of points `(m, N)` from parameters `(m, D)`, in their order: a plain call of [`foot_points`].
+/// Returns the parameters `(m, D)`, the distances, and the report.
+///
+/// # Errors
+/// Those of [`foot_points`] and of [`SortedPoints::new`].
+pub fn project<const D: usize>(
+    map: &SplineMap<D>,
+    parameters: ndarray::ArrayView2<'_, f64>,
+    points: ndarray::ArrayView2<'_, f64>,
+    boundary: crate::Boundary,
+    options: &FootPointOptions,
+) -> Result<(Array2<f64>, Vec<f64>, FootPointReport), Error> {
+    let mut sorted = SortedPoints::new(parameters, points, None)?;
+    sorted.sort_refined(map.space(), None)?;
+    let constraints = Constraints::new(parameters, map.space().domain(), boundary);
+    let found = foot_points(map, &sorted, &constraints, options)?;
+    let mut result = Array2::zeros(parameters.raw_dim());
+    let mut distances = vec![0.0; sorted.len()];
+    for (at, &index) in sorted.order().iter().enumerate() {
+        (0..D).for_each(|d| result[[index as usize, d]] = found.parameters[at][d]);
+        distances[index as usize] = found.distances[at];
+    }
+    Ok((result, distances, found.report))
+}
+

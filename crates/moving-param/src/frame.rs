@@ -1,0 +1,155 @@
+//! Residuals and tangents of a map at the parameters of points, and the weights that follow from them.
+
+use std::ops::Range;
+
+use fit_ls::SortedPoints;
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+use thb_core::{BezierMap, SplineMap};
+
+use crate::Error;
+use crate::constraint::Constraints;
+use crate::foot_point::{check, point, solve_positive};
+use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
+
+/// Residual `s(u) − p` and tangents of the map at one point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Frame<const D: usize> {
+    pub(crate) residual: Vector,
+    pub(crate) tangents: [Vector; D],
+}
+
+/// Points of one parallel task.
+const CHUNK: usize = 512;
+
+/// The frames of sorted points, in their order.
+pub(crate) fn frames<const D: usize>(map: &SplineMap<D>, points: &SortedPoints<D>) -> Result<Vec<Frame<D>>, Error> {
+    check(map, points)?;
+    let chunks: Vec<Vec<Frame<D>>> = (0..points.len().div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let range = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(points.len());
+            pulp::Arch::new().dispatch(Chunk { map: map.bezier(), points, range })
+        })
+        .collect();
+    Ok(chunks.into_iter().flatten().collect())
+}
+
+struct Chunk<'a, const D: usize> {
+    map: &'a BezierMap<D>,
+    points: &'a SortedPoints<D>,
+    range: Range<usize>,
+}
+
+impl<const D: usize> WithSimd for Chunk<'_, D> {
+    type Output = Vec<Frame<D>>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
+        let Self { map, points, range } = self;
+        let offsets = points.offsets();
+        let mut cell = offsets.partition_point(|&o| o <= range.start) - 1;
+        let mut patch = Patch::new(map, cell);
+        let mut frames = Vec::with_capacity(range.len());
+        for at in range {
+            while offsets[cell + 1] <= at {
+                cell += 1;
+            }
+            if patch.cell() != cell {
+                patch.load(map, cell);
+            }
+            let jet = patch.jet(points.parameter(at));
+            frames.push(Frame { residual: difference(&jet.value, &point(points, at)), tangents: jet.first });
+        }
+        frames
+    }
+}
+
+impl<const D: usize> Frame<D> {
+    /// `TᵀT`.
+    pub(crate) fn metric(&self) -> [[f64; D]; D] {
+        std::array::from_fn(|a| std::array::from_fn(|b| dot(&self.tangents[a], &self.tangents[b])))
+    }
+
+    /// The move of the parameter that minimizes `½|residual + T δu|² + ½ μ δuᵀ diag(TᵀT) δu` in the free directions.
+    /// Zero where the tangents are degenerate.
+    pub(crate) fn parameter_step(&self, residual: &Vector, damping: f64, free: [bool; D]) -> [f64; D] {
+        let metric = self.metric();
+        let gradient = std::array::from_fn(|a| dot(&self.tangents[a], residual));
+        solve_positive(&metric, &metric, damping.max(LEAST_DAMPING), &gradient, free).unwrap_or([0.0; D])
+    }
+
+    /// `W v` for `W = I − T (TᵀT + μ diag(TᵀT))⁻¹ Tᵀ`: what is left of a vector when the parameter has moved. `μ = 0`
+    /// leaves the part normal to the map, large `μ` the vector itself.
+    fn reduced(&self, v: &Vector, damping: f64, free: [bool; D]) -> Vector {
+        let step = self.parameter_step(v, damping, free);
+        let mut rest = *v;
+        for a in 0..D {
+            (0..4).for_each(|k| rest[k] += step[a] * self.tangents[a][k]);
+        }
+        rest
+    }
+}
+
+/// Damping that keeps parallel tangents apart from round-off.
+const LEAST_DAMPING: f64 = 1e-12;
+
+/// How a point's distance counts: `γ I + (1 − γ) W(μ)` times its weight.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Share {
+    /// γ.
+    pub(crate) point: f64,
+    /// μ.
+    pub(crate) damping: f64,
+    /// ω.
+    pub(crate) weight: f64,
+}
+
+/// Columns for [`fit_ls::BlockEquations`]: the weights and minus the weighted residuals.
+pub(crate) struct Columns {
+    pub(crate) weights: Vec<Vec<f64>>,
+    pub(crate) right: Vec<Vec<f64>>,
+}
+
+/// The columns of all points; `share` is asked by position, `free` by index.
+pub(crate) fn columns<const D: usize>(
+    points: &SortedPoints<D>,
+    frames: &[Frame<D>],
+    constraints: &Constraints<D>,
+    share: impl Fn(usize) -> Share + Sync,
+) -> Columns {
+    let n = points.dim();
+    let rows: Vec<([f64; 6], Vector)> = (0..points.len())
+        .into_par_iter()
+        .with_min_len(CHUNK)
+        .map(|at| {
+            let Share { point, damping, weight } = share(at);
+            let free = constraints.free(points.order()[at] as usize);
+            let frame = &frames[at];
+            let blend = |v: &Vector| -> Vector {
+                if point == 1.0 {
+                    return v.map(|x| weight * x);
+                }
+                let reduced = frame.reduced(v, damping, free);
+                std::array::from_fn(|k| weight * (point * v[k] + (1.0 - point) * reduced[k]))
+            };
+            let mut entries = [0.0; 6];
+            let mut next = 0;
+            for a in 0..n {
+                let mut unit = [0.0; 4];
+                unit[a] = 1.0;
+                let column = blend(&unit);
+                for b in a..n {
+                    entries[next] = column[b];
+                    next += 1;
+                }
+            }
+            (entries, blend(&frame.residual))
+        })
+        .collect();
+    debug_assert!(n <= MAX_DIM);
+    Columns {
+        weights: (0..n * (n + 1) / 2).map(|k| rows.iter().map(|row| row.0[k]).collect()).collect(),
+        right: (0..n).map(|k| rows.iter().map(|row| -row.1[k]).collect()).collect(),
+    }
+}

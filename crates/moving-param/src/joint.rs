@@ -1,0 +1,145 @@
+//! Coefficients and parameters together, by Levenberg–Marquardt steps.
+//!
+//! With residuals `r_i`, tangents `T_i` and damping μ of the parameters a step minimizes
+//! `½ Σ ω_i |r_i + B_i δc + T_i δu_i|² + ½ μ Σ ω_i δu_iᵀ diag(T_iᵀT_i) δu_i + ½ λ J(c + δc)`. Each `δu_i` occurs in one residual and
+//! is eliminated exactly, as in bundle adjustment: what remains for δc are least squares with the matrices
+//! `W_i = I − T_i (T_iᵀT_i + μ diag)⁻¹ T_iᵀ`, which lie between tangent distances (μ = 0) and point distances (μ = ∞).
+
+use thb_core::{CellSpace, SplineMap};
+
+use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from};
+use crate::frame::{Frame, Share, columns, frames};
+use crate::moving::{Moves, MovingFit, count};
+use crate::patch::dot;
+use crate::system::stepped;
+use crate::{Error, JointOptions};
+
+/// Damping of the first step.
+const FIRST_DAMPING: f64 = 1e-2;
+
+/// Factor of the damping after a step that lowered the objective.
+const DECREASE: f64 = 0.2;
+
+/// Factor after one that did not.
+const INCREASE: f64 = 10.0;
+
+/// Below this damping the equations are too near to singular; tangent motion then costs a millionth of normal motion.
+const LEAST_DAMPING: f64 = 1e-6;
+
+/// Beyond this damping a step is one of point distances: if that does not lower the objective nothing will.
+const MOST_DAMPING: f64 = 1e4;
+
+impl<const D: usize> MovingFit<D> {
+    pub(crate) fn joint(
+        &mut self,
+        mut map: SplineMap<D>,
+        options: &JointOptions,
+        moves: &mut Moves,
+    ) -> Result<SplineMap<D>, Error> {
+        let space = map.space().clone();
+        let mut system = self.take_system(&space)?;
+        let constraints = self.constraints();
+        let mut damping = FIRST_DAMPING;
+        'steps: for _ in 0..options.max_steps {
+            let points = self.fit.points();
+            let frames = frames(&map, points)?;
+            let distances: Vec<f64> = frames.iter().map(|f| dot(&f.residual, &f.residual).sqrt()).collect();
+            if distances.iter().all(|d| *d <= self.options.tolerance) {
+                break;
+            }
+            let weights = norm_weights(&distances, points.weights(), options.norm);
+            let coefficients = map.coefficients().to_owned();
+            let objective = squares(&distances, &weights) + system.energy_part(&coefficients);
+            let lowered = loop {
+                let share = |at: usize| Share { point: 0.0, damping, weight: weights[at] };
+                let columns = columns(self.fit.points(), &frames, &constraints, share);
+                let step = system.step(&space, self.fit.points(), &columns, &coefficients, 0.0, &Vec::new())?;
+                if let Some(step) = step {
+                    let trial = stepped(&space, &coefficients, &step)?;
+                    let found = self.follow(&trial, &frames, damping, options.polish, moves)?;
+                    let new = squares(&found.distances, &weights)
+                        + system.energy_part(&trial.coefficients().to_owned());
+                    if new < objective {
+                        count(moves, &found.report);
+                        self.fit.relocate(&found.parameters, &found.cells)?;
+                        map = trial;
+                        damping = (damping * DECREASE).max(LEAST_DAMPING);
+                        break (objective - new) / objective;
+                    }
+                }
+                damping *= INCREASE;
+                if damping > MOST_DAMPING {
+                    break 'steps;
+                }
+            };
+            if lowered < options.decrease {
+                break;
+            }
+        }
+        self.system = Some((space, system));
+        Ok(map)
+    }
+
+    /// The parameters that belong to a step of the coefficients: eliminated ones, then a few steps towards the foot point.
+    fn follow(
+        &self,
+        trial: &SplineMap<D>,
+        before: &[Frame<D>],
+        damping: f64,
+        polish: usize,
+        moves: &mut Moves,
+    ) -> Result<FootPoints<D>, Error> {
+        let points = self.fit.points();
+        let constraints = self.constraints();
+        let space = trial.space();
+        let (lower, upper) = space.domain();
+        let stepped = frames(trial, points)?;
+        let mut parameters = Vec::with_capacity(points.len());
+        let mut cells = Vec::with_capacity(points.len());
+        let offsets = points.offsets();
+        for cell in 0..space.n_cells() {
+            let size = space.cell(cell).size();
+            for at in offsets[cell]..offsets[cell + 1] {
+                let free = constraints.free(points.order()[at] as usize);
+                let step = before[at].parameter_step(&stepped[at].residual, damping, free);
+                let from = points.parameter(at);
+                let longest = (0..D).map(|d| (step[d] / size[d]).abs()).fold(1.0, f64::max);
+                let u: [f64; D] = std::array::from_fn(|d| (from[d] + step[d] / longest).clamp(lower[d], upper[d]));
+                parameters.push(u);
+                cells.push(space.locate_cell(u)? as u32);
+            }
+        }
+        self.hold(trial, &mut parameters, &mut cells, moves)?;
+        let options =
+            FootPointOptions { start: Start::Present, max_steps: polish, ..self.options.foot_points };
+        let starts = (&parameters[..], &cells[..]);
+        let mut found = foot_points_from(trial, points, Some(starts), &constraints, &options)?;
+        if polish > 0 && self.hold(trial, &mut found.parameters, &mut found.cells, moves)? {
+            let still = FootPointOptions { max_steps: 0, ..options };
+            let starts = (&found.parameters[..], &found.cells[..]);
+            found.distances = foot_points_from(trial, points, Some(starts), &constraints, &still)?.distances;
+        }
+        Ok(found)
+    }
+}
+
+/// `½ Σ ω d²`, in the order of the points.
+fn squares(distances: &[f64], weights: &[f64]) -> f64 {
+    0.5 * distances.iter().zip(weights).map(|(d, w)| w * d * d).sum::<f64>()
+}
+
+/// Weights with which least squares lower the p-norm of the distances: `d^{p−2}`, with mean 1 so that the smoothing keeps
+/// its share.
+fn norm_weights(distances: &[f64], given: Option<&[f64]>, norm: f64) -> Vec<f64> {
+    let given = |at: usize| given.map_or(1.0, |w| w[at]);
+    if norm == 2.0 {
+        return (0..distances.len()).map(given).collect();
+    }
+    let largest = distances.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let power: Vec<f64> = distances.iter().map(|d| (d / largest).powf(norm - 2.0)).collect();
+    let mean = power.iter().sum::<f64>() / power.len().max(1) as f64;
+    power.iter().enumerate().map(|(at, p)| given(at) * (NORM_FLOOR + (1.0 - NORM_FLOOR) * p / mean)).collect()
+}
+
+/// Least weight of a point under reweighting, so that no part of the map is left to the smoothing alone.
+const NORM_FLOOR: f64 = 0.1;

@@ -1,0 +1,272 @@
+//! The fitting method whose parameters move, for the adaptive loop.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use adaptive::{Estimate, Solution, Solve};
+use fit_ls::{LeastSquares, SortedPoints};
+use ndarray::{Array2, ArrayView1, ArrayView2};
+use thb_core::{HierarchicalSpace, SplineMap};
+
+use crate::constraint::Constraints;
+use crate::fold::Triangles;
+use crate::foot_point::{FootPoints, foot_points};
+use crate::system::StepSystem;
+use crate::{Boundary, Error, FootPointReport, Method, Options};
+
+/// What happened to the parameters in one space.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moves {
+    /// Corrections, or steps of the joint method, that were taken.
+    pub corrections: usize,
+    /// Mean share of points whose distance fell at a correction.
+    pub accepted: f64,
+    /// Mean number of steps towards a foot point.
+    pub mean_steps: f64,
+    /// Mean length of a point's move in this space, in parameters.
+    pub mean_move: f64,
+    /// Largest length of a move.
+    pub max_move: f64,
+    /// Triangles whose orientation differs from the one at the start; 0 without triangles.
+    pub folds: usize,
+    /// Moves that were shortened because a triangle would have flipped.
+    pub held: usize,
+    /// Whether the corrections were undone because they did harm.
+    pub postponed: bool,
+    /// Root mean squared distance before and after the corrections.
+    pub rmse: [f64; 2],
+    /// Points farther than the tolerance before and after the corrections.
+    pub outside: [usize; 2],
+}
+
+/// Least squares on points whose parameters move, in one space after the other.
+///
+/// In each space the coefficients are fitted at the present parameters, then parameters are corrected; errors are those
+/// after correction, so cells are refined only where moving the parameters was not enough.
+#[derive(Debug)]
+pub struct MovingFit<const D: usize> {
+    pub(crate) fit: LeastSquares<D>,
+    pub(crate) options: Options,
+    pub(crate) constraints: Option<Constraints<D>>,
+    triangles: Option<Triangles>,
+    pub(crate) system: Option<(Arc<HierarchicalSpace<D>>, StepSystem)>,
+    /// Weights of the caller, in the order of the points.
+    pub(crate) weights: Option<Vec<f64>>,
+    start: Array2<f64>,
+    reports: Vec<Moves>,
+}
+
+impl<const D: usize> MovingFit<D> {
+    /// A problem with points `(m, N)`, N ≤ 3, starting from parameters `(m, D)`, with weights `(m)` if given.
+    ///
+    /// # Errors
+    /// Those of [`LeastSquares::new`]; [`Error::Dimension`], [`Error::NoNormal`], [`Error::Option`].
+    pub fn new(
+        parameters: ArrayView2<'_, f64>,
+        points: ArrayView2<'_, f64>,
+        weights: Option<ArrayView1<'_, f64>>,
+        fit: fit_ls::Options<D>,
+        options: Options,
+    ) -> Result<Self, Error> {
+        let fit = LeastSquares::new(parameters, points, weights, fit)?;
+        if points.ncols() > crate::patch::MAX_DIM {
+            return Err(Error::Dimension { given: points.ncols(), limit: crate::patch::MAX_DIM });
+        }
+        options.check(D, points.ncols(), points.nrows())?;
+        Ok(Self {
+            fit,
+            options,
+            constraints: None,
+            triangles: None,
+            system: None,
+            weights: weights.map(|w| w.to_vec()),
+            start: parameters.to_owned(),
+            reports: Vec::new(),
+        })
+    }
+
+    /// What happened in each space, in the order of the calls.
+    pub fn reports(&self) -> &[Moves] {
+        &self.reports
+    }
+
+    /// The points, in the order of the cells of the last space.
+    pub fn points(&self) -> &SortedPoints<D> {
+        self.fit.points()
+    }
+
+    /// The smoothing weight in use; `None` as long as an automatic one is not chosen.
+    pub fn lambda(&self) -> Option<f64> {
+        self.fit.lambda()
+    }
+
+    /// The present parameters, `(m, D)`, in the order in which the points were given.
+    pub fn parameters(&self) -> Array2<f64> {
+        let points = self.fit.points();
+        let mut parameters = Array2::zeros((points.len(), D));
+        for (at, &index) in points.order().iter().enumerate() {
+            (0..D).for_each(|d| parameters[[index as usize, d]] = points.parameters(d)[at]);
+        }
+        parameters
+    }
+
+    fn fit_in(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<Solution<D>, Error> {
+        if self.constraints.is_none() {
+            let domain = thb_core::CellSpace::domain(space.as_ref());
+            self.constraints = Some(Constraints::new(self.start.view(), domain, self.options.boundary));
+        }
+        Ok(Solve::solve(&mut self.fit, space, None)?)
+    }
+
+    pub(crate) fn constraints(&self) -> Constraints<D> {
+        self.constraints.clone().unwrap_or_else(|| Constraints::new(self.start.view(), ([0.0; D], [1.0; D]), Boundary::Free))
+    }
+
+    /// The equations of coupled steps in a space.
+    pub(crate) fn take_system(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<StepSystem, Error> {
+        match self.system.take() {
+            Some((known, system)) if Arc::ptr_eq(&known, space) => Ok(system),
+            _ => {
+                let energy = self.fit.energy(space)?;
+                StepSystem::new(energy, self.fit.lambda().unwrap_or(0.0), self.fit.points().dim())
+            }
+        }
+    }
+
+    /// Moves points to foot points, as far as no triangle flips.
+    pub(crate) fn correct(&mut self, map: &SplineMap<D>, moves: &mut Moves) -> Result<(), Error> {
+        let found = foot_points(map, self.fit.points(), &self.constraints(), &self.options.foot_points)?;
+        count(moves, &found.report);
+        let FootPoints { mut parameters, mut cells, .. } = found;
+        self.hold(map, &mut parameters, &mut cells, moves)?;
+        self.fit.relocate(&parameters, &cells)?;
+        Ok(())
+    }
+
+    /// The barrier: shortens moves until no further triangle flips, and finds the cells anew. True if it did.
+    pub(crate) fn hold(
+        &self,
+        map: &SplineMap<D>,
+        parameters: &mut [[f64; D]],
+        cells: &mut [u32],
+        moves: &mut Moves,
+    ) -> Result<bool, Error> {
+        let Some(triangles) = &self.triangles else { return Ok(false) };
+        let shortened = triangles.hold(self.fit.points(), parameters);
+        for at in (0..shortened.len()).filter(|&at| shortened[at]) {
+            cells[at] = thb_core::CellSpace::locate_cell(map.space().as_ref(), parameters[at])? as u32;
+            moves.held += 1;
+        }
+        Ok(shortened.contains(&true))
+    }
+
+    /// Restores parameters given in the order of the points.
+    fn restore(&mut self, parameters: &Array2<f64>, space: &HierarchicalSpace<D>) -> Result<(), Error> {
+        let order = self.fit.points().order().to_vec();
+        let moved: Vec<[f64; D]> =
+            order.iter().map(|&index| std::array::from_fn(|d| parameters[[index as usize, d]])).collect();
+        let cells: Result<Vec<u32>, thb_core::Error> =
+            moved.iter().map(|&u| thb_core::CellSpace::locate_cell(space, u).map(|cell| cell as u32)).collect();
+        self.fit.relocate(&moved, &cells?)?;
+        Ok(())
+    }
+
+    /// Root mean squared and largest distance, and the points outside the tolerance.
+    pub(crate) fn measure(&mut self, map: &SplineMap<D>) -> Result<Measure, Error> {
+        let tolerance = self.options.tolerance;
+        let distances = self.fit.distances(map)?;
+        let deviation = adaptive::Deviation::new(distances, tolerance);
+        let outside = distances.iter().filter(|d| **d > tolerance).count();
+        Ok(Measure { rmse: deviation.rmse(), max: deviation.max, outside })
+    }
+
+    fn move_parameters(
+        &mut self,
+        map: SplineMap<D>,
+        previous: Option<&SplineMap<D>>,
+        moves: &mut Moves,
+    ) -> Result<SplineMap<D>, Error> {
+        match self.options.method.clone() {
+            Method::Alternating { distance, corrections } => self.alternate(map, &distance, corrections, moves),
+            Method::Joint(joint) => self.joint(map, &joint, moves),
+            Method::JointLbfgs(schedule) => self.joint_lbfgs(map, previous, schedule, moves),
+        }
+    }
+}
+
+impl MovingFit<2> {
+    /// A triangulation of the points, by index: no move may flip the orientation of one of its triangles.
+    ///
+    /// # Errors
+    /// [`Error::Triangle`].
+    pub fn with_triangles(mut self, triangles: &[[u32; 3]]) -> Result<Self, Error> {
+        let parameters: Vec<[f64; 2]> = self.start.outer_iter().map(|row| [row[0], row[1]]).collect();
+        self.triangles = Some(Triangles::new(triangles, &parameters)?);
+        Ok(self)
+    }
+}
+
+/// Distances in short.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Measure {
+    pub(crate) rmse: f64,
+    pub(crate) max: f64,
+    pub(crate) outside: usize,
+}
+
+/// Adds a search for foot points to the report of the space.
+pub(crate) fn count(moves: &mut Moves, report: &FootPointReport) {
+    let before = moves.corrections as f64;
+    moves.corrections += 1;
+    let mean = |sum: f64, next: f64| (sum * before + next) / (before + 1.0);
+    moves.accepted = mean(moves.accepted, report.accepted);
+    moves.mean_steps = mean(moves.mean_steps, report.mean_steps);
+}
+
+impl<const D: usize> Solve<D> for MovingFit<D> {
+    type Error = Error;
+
+    fn solve(
+        &mut self,
+        space: &Arc<HierarchicalSpace<D>>,
+        previous: Option<&SplineMap<D>>,
+    ) -> Result<Solution<D>, Error> {
+        let Solution { map: fixed, assemble_seconds, solve_seconds } = self.fit_in(space)?;
+        let clock = Instant::now();
+        let entry = self.parameters();
+        let before = self.measure(&fixed)?;
+        let mut moves = Moves { rmse: [before.rmse; 2], outside: [before.outside; 2], ..Moves::default() };
+        let mut map = fixed.clone();
+        if before.max > self.options.tolerance {
+            map = self.move_parameters(fixed.clone(), previous, &mut moves)?;
+            let after = self.measure(&map)?;
+            moves.rmse[1] = after.rmse;
+            moves.outside[1] = after.outside;
+            if self.options.guard && after.outside > before.outside {
+                self.restore(&entry, space)?;
+                map = fixed;
+                moves.postponed = true;
+                tracing::info!(?moves, "corrections did harm and are postponed");
+            }
+        }
+        let moved = self.parameters();
+        let lengths = entry.outer_iter().zip(moved.outer_iter()).map(|(a, b)| {
+            a.iter().zip(&b).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt()
+        });
+        for length in lengths {
+            moves.mean_move += length / entry.nrows() as f64;
+            moves.max_move = moves.max_move.max(length);
+        }
+        if let Some(triangles) = &self.triangles {
+            moves.folds = triangles.flipped(|i| [moved[[i, 0]], moved[[i, D - 1]]]).len();
+        }
+        tracing::debug!(?moves, "parameters moved");
+        self.reports.push(moves);
+        let solve_seconds = solve_seconds + clock.elapsed().as_secs_f64();
+        Ok(Solution { map, assemble_seconds, solve_seconds })
+    }
+
+    fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, Error> {
+        Ok(Solve::estimate(&mut self.fit, map)?)
+    }
+}

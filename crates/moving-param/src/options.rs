@@ -1,0 +1,172 @@
+//! What to choose.
+
+use crate::{Boundary, Error, FootPointOptions};
+
+/// How a fit with moving parameters works.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// The method.
+    pub method: Method,
+    /// What happens to points on the boundary.
+    pub boundary: Boundary,
+    /// How foot points are sought.
+    pub foot_points: FootPointOptions,
+    /// Distance at which a point counts as met, in units of the points: where all are met, nothing moves any more.
+    pub tolerance: f64,
+    /// Whether corrections are undone and postponed to the next refinement where they do harm.
+    pub guard: bool,
+}
+
+impl Default for Options {
+    /// The joint Levenberg–Marquardt method with its guard, boundary points kept on their sides.
+    fn default() -> Self {
+        Self {
+            method: Method::Joint(JointOptions::default()),
+            boundary: Boundary::Kept,
+            foot_points: FootPointOptions::default(),
+            tolerance: 0.0,
+            guard: true,
+        }
+    }
+}
+
+/// The methods.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Method {
+    /// Foot points and coefficients in turn (Imperatore 2024, §5.1.2, Algorithm 7): A-PDM, A-TDM and A-HDM.
+    Alternating {
+        /// What the coefficients minimize.
+        distance: Distance,
+        /// Corrections after each refinement.
+        corrections: usize,
+    },
+    /// Coefficients and parameters together, by Levenberg–Marquardt steps from which the parameters are eliminated.
+    Joint(JointOptions),
+    /// J-PDM: coefficients and parameters together, by L-BFGS (Imperatore 2024, §5.3).
+    JointLbfgs(Schedule),
+}
+
+/// The distance that the coefficients minimize while the parameters rest.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Distance {
+    /// To the point of the map (5.4): A-PDM.
+    Point,
+    /// To the tangent line or plane (5.12): A-TDM. `damping` times the mean diagonal entry of the matrix is added to its
+    /// diagonal (5.14); here it holds the *step* of the coefficients, so that it does not bias the result.
+    Tangent {
+        /// Relative damping.
+        damping: f64,
+    },
+    /// `γ_i` times the squared point distance plus `1 − γ_i` times the squared tangent distance (5.15): A-HDM.
+    Hybrid(Blend),
+}
+
+/// The weights `γ_i` of A-HDM.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Blend {
+    /// `d_i / (2 max d)`.
+    ErrorDriven,
+    /// `d_i / (d_i + ρ_i)`, `ρ_i` the smallest radius of curvature at each point: its principal curvature of largest
+    /// magnitude, one number per point in their order, in units of the points.
+    CurvatureDriven(Vec<f64>),
+    /// The same number for all points, in [0, 1].
+    Constant(f64),
+}
+
+/// Settings of the joint Levenberg–Marquardt method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointOptions {
+    /// Largest number of steps after each refinement.
+    pub max_steps: usize,
+    /// Steps end where one lowers the objective by less than this share.
+    pub decrease: f64,
+    /// Newton steps towards the foot point after each step, on the stepped map; 0 for the plain method.
+    pub polish: usize,
+    /// Exponent p of the norm of distances that is minimized, by reweighting; 2 for least squares. Larger ones lower the
+    /// largest distance.
+    pub norm: f64,
+}
+
+impl Default for JointOptions {
+    fn default() -> Self {
+        Self { max_steps: 20, decrease: 1e-2, polish: 2, norm: 2.0 }
+    }
+}
+
+/// When L-BFGS stops.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Schedule {
+    /// The same limits for all spaces: schedule (a).
+    Constant {
+        /// Norm of the gradient at which to stop.
+        gradient: f64,
+        /// Largest number of iterations.
+        max_iterations: u64,
+    },
+    /// Limits that tighten with the number of levels ℓ, counted from 0 (5.22): `gradient / 2^ℓ` and `max_iterations · 2^ℓ`;
+    /// schedule (b).
+    PerLevel {
+        /// Norm of the gradient on level 0.
+        gradient: f64,
+        /// Number of iterations on level 0.
+        max_iterations: u64,
+    },
+}
+
+impl Schedule {
+    /// Schedule (a) of Imperatore 2024, Example 5.3.3 (a).
+    pub const A: Self = Self::Constant { gradient: 1e-6, max_iterations: 500 };
+
+    /// Schedule (b) of Imperatore 2024, (5.22).
+    pub const B: Self = Self::PerLevel { gradient: 1e-5, max_iterations: 200 };
+
+    /// Gradient norm and number of iterations for a space of `levels` levels.
+    pub(crate) fn limits(self, levels: usize) -> (f64, u64) {
+        match self {
+            Self::Constant { gradient, max_iterations } => (gradient, max_iterations),
+            Self::PerLevel { gradient, max_iterations } => {
+                let doubled = levels.saturating_sub(1).min(u32::BITS as usize - 1) as u32;
+                (gradient * 0.5_f64.powi(doubled as i32), max_iterations << doubled)
+            }
+        }
+    }
+}
+
+impl Options {
+    /// Checks the options for `points` points of dimension `dim` and maps from dimension `parameters`.
+    pub(crate) fn check(&self, parameters: usize, dim: usize, points: usize) -> Result<(), Error> {
+        let number = |name, value: f64, valid: bool, allowed| {
+            if valid { Ok(()) } else { Err(Error::Option { name, value, allowed }) }
+        };
+        number("tolerance", self.tolerance, self.tolerance >= 0.0, "at least 0")?;
+        let normal = || if dim > parameters { Ok(()) } else { Err(Error::NoNormal { parameters, points: dim }) };
+        match &self.method {
+            Method::Alternating { distance: Distance::Point, .. } => Ok(()),
+            Method::Alternating { distance: Distance::Tangent { damping }, .. } => {
+                normal()?;
+                number("damping", *damping, *damping >= 0.0, "at least 0")
+            }
+            Method::Alternating { distance: Distance::Hybrid(blend), .. } => {
+                normal()?;
+                match blend {
+                    Blend::ErrorDriven => Ok(()),
+                    Blend::Constant(gamma) => number("γ", *gamma, (0.0..=1.0).contains(gamma), "between 0 and 1"),
+                    Blend::CurvatureDriven(curvatures) if curvatures.len() == points => Ok(()),
+                    Blend::CurvatureDriven(curvatures) => {
+                        Err(Error::Shape { what: "curvatures", given: curvatures.len(), expected: points })
+                    }
+                }
+            }
+            Method::Joint(joint) => {
+                normal()?;
+                number("norm", joint.norm, joint.norm >= 2.0 && joint.norm.is_finite(), "at least 2")?;
+                number("decrease", joint.decrease, joint.decrease >= 0.0, "at least 0")
+            }
+            Method::JointLbfgs(schedule) => {
+                let (gradient, _) = schedule.limits(1);
+                number("gradient", gradient, gradient >= 0.0, "at least 0")
+            }
+        }
+    }
+}

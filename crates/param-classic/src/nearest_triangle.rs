@@ -1,0 +1,247 @@
+//! The nearest point of a triangle mesh.
+
+use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
+
+/// The nearest point of a mesh to a given one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Foot {
+    /// Index of the triangle; of equally near ones, which one is fixed by the tree.
+    pub(crate) triangle: u32,
+    /// Barycentric coordinates of the foot: not negative, sum 1.
+    pub(crate) barycentric: [f64; 3],
+    /// Square of the distance.
+    pub(crate) squared_distance: f64,
+}
+
+/// Most triangles of a leaf; a test of a triangle costs as much as two or three of a box.
+const LEAF: usize = 4;
+
+/// Boxes round triangles, halved at the median of their centres, for nearest-point queries.
+pub(crate) struct TriangleTree {
+    nodes: Vec<Node>,
+    /// Corners of the triangles, leaf after leaf, and their indices.
+    corners: Vec<[[f64; 3]; 3]>,
+    triangles: Vec<u32>,
+}
+
+struct Node {
+    lower: [f64; 3],
+    upper: [f64; 3],
+    /// Its part of the triangles.
+    begin: u32,
+    end: u32,
+    /// The second child, zero for a leaf; the first child is the next node.
+    second: u32,
+}
+
+impl TriangleTree {
+    /// Indexes triangles, one at least, given by their corners. O(n log n).
+    pub(crate) fn new(corners: &[[[f64; 3]; 3]]) -> Self {
+        let mut order: Vec<u32> = (0..corners.len() as u32).collect();
+        let mut nodes = Vec::with_capacity(corners.len());
+        split(corners, &mut order, 0, &mut nodes);
+        Self { nodes, corners: order.iter().map(|&t| corners[t as usize]).collect(), triangles: order }
+    }
+
+    /// The point of the mesh nearest to `point`.
+    pub(crate) fn nearest(&self, point: [f64; 3]) -> Foot {
+        let mut best = Foot { triangle: 0, barycentric: [1.0, 0.0, 0.0], squared_distance: f64::INFINITY };
+        // Depth first, the nearer child first. The depth is at most 32: each level halves the number of triangles.
+        let mut stack = [(0u32, 0.0f64); 40];
+        let mut top = 1;
+        while top > 0 {
+            top -= 1;
+            let (at, bound) = stack[top];
+            if bound >= best.squared_distance {
+                continue;
+            }
+            let node = &self.nodes[at as usize];
+            if node.second == 0 {
+                for k in node.begin as usize..node.end as usize {
+                    let (barycentric, squared_distance) = foot_on_triangle(point, &self.corners[k]);
+                    if squared_distance < best.squared_distance {
+                        best = Foot { triangle: self.triangles[k], barycentric, squared_distance };
+                    }
+                }
+                continue;
+            }
+            let mut children = [at + 1, node.second].map(|c| (c, self.nodes[c as usize].squared_distance(point)));
+            if children[0].1 < children[1].1 {
+                children.swap(0, 1);
+            }
+            stack[top..top + 2].copy_from_slice(&children);
+            top += 2;
+        }
+        best
+    }
+}
+
+impl Node {
+    fn squared_distance(&self, p: [f64; 3]) -> f64 {
+        (0..3).map(|k| (self.lower[k] - p[k]).max(p[k] - self.upper[k]).max(0.0).powi(2)).sum()
+    }
+}
+
+/// Adds the node of `order`, which begins at `begin` in the whole, and those below it.
+fn split(corners: &[[[f64; 3]; 3]], order: &mut [u32], begin: u32, nodes: &mut Vec<Node>) {
+    let bounds = |value: &dyn Fn(u32) -> [[f64; 3]; 2], order: &[u32]| {
+        order.iter().fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[lower, upper], &t| {
+            let [low, high] = value(t);
+            [std::array::from_fn(|k| lower[k].min(low[k])), std::array::from_fn(|k| upper[k].max(high[k]))]
+        })
+    };
+    let sides = |t: u32| {
+        let [p, q, r] = corners[t as usize];
+        [std::array::from_fn(|k| p[k].min(q[k]).min(r[k])), std::array::from_fn(|k| p[k].max(q[k]).max(r[k]))]
+    };
+    let center = |t: u32| {
+        let [p, q, r] = corners[t as usize];
+        add(add(p, q), r)
+    };
+    let [lower, upper] = bounds(&sides, order);
+    let index = nodes.len();
+    nodes.push(Node { lower, upper, begin, end: begin + order.len() as u32, second: 0 });
+    if order.len() <= LEAF {
+        return;
+    }
+    let [low, high] = bounds(&|t| [center(t); 2], order);
+    let extent = sub(high, low);
+    let axis = (0..3).max_by(|&i, &j| extent[i].total_cmp(&extent[j])).unwrap_or(0);
+    let middle = order.len() / 2;
+    let by_center = |a: &u32, b: &u32| center(*a)[axis].total_cmp(&center(*b)[axis]).then(a.cmp(b));
+    order.select_nth_unstable_by(middle, by_center);
+    let (first, second) = order.split_at_mut(middle);
+    split(corners, first, begin, nodes);
+    nodes[index].second = nodes.len() as u32;
+    split(corners, second, begin + middle as u32, nodes);
+}
+
+/// Triangles with an angle of a smaller squared sine count as their sides: the areas would be round-off.
+const FLAT: f64 = 1e-14;
+
+/// Barycentric coordinates of the point of a triangle nearest to `x`, and its squared distance (Ericson, Real-Time
+/// Collision Detection, 2005, §5.1.5: the regions of the corners, then of the edges, then the inside).
+fn foot_on_triangle(x: [f64; 3], &[p, q, r]: &[[f64; 3]; 3]) -> ([f64; 3], f64) {
+    let (e, f, d) = (sub(q, p), sub(r, p), sub(x, p));
+    let (along_e, along_f) = (dot(e, d), dot(f, d));
+    let (from_q, from_r) = (sub(x, q), sub(x, r));
+    let (e_q, f_q) = (dot(e, from_q), dot(f, from_q));
+    let (e_r, f_r) = (dot(e, from_r), dot(f, from_r));
+    // The areas of x with the three edges, seen along the normal.
+    let at_r = along_e * f_q - e_q * along_f;
+    let at_q = e_r * along_f - along_e * f_r;
+    let at_p = e_q * f_r - e_r * f_q;
+    let total = at_p + at_q + at_r;
+    if total <= FLAT * dot(e, e) * dot(f, f) {
+        return foot_on_sides(x, [p, q, r]);
+    }
+    let share = |a: f64, b: f64| a / (a + b);
+    let barycentric = if along_e <= 0.0 && along_f <= 0.0 {
+        [1.0, 0.0, 0.0]
+    } else if e_q >= 0.0 && f_q <= e_q {
+        [0.0, 1.0, 0.0]
+    } else if f_r >= 0.0 && e_r <= f_r {
+        [0.0, 0.0, 1.0]
+    } else if at_r <= 0.0 && along_e >= 0.0 && e_q <= 0.0 {
+        let t = share(along_e, -e_q);
+        [1.0 - t, t, 0.0]
+    } else if at_q <= 0.0 && along_f >= 0.0 && f_r <= 0.0 {
+        let t = share(along_f, -f_r);
+        [1.0 - t, 0.0, t]
+    } else if at_p <= 0.0 && f_q >= e_q && e_r >= f_r {
+        let t = share(f_q - e_q, e_r - f_r);
+        [0.0, 1.0 - t, t]
+    } else {
+        [1.0 - (at_q + at_r) / total, at_q / total, at_r / total]
+    };
+    let offset = sub(d, add(scale(barycentric[1], e), scale(barycentric[2], f)));
+    (barycentric, dot(offset, offset))
+}
+
+/// As [`foot_on_triangle`] for the three sides alone.
+fn foot_on_sides(x: [f64; 3], corners: [[f64; 3]; 3]) -> ([f64; 3], f64) {
+    let mut best = ([1.0, 0.0, 0.0], f64::INFINITY);
+    for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+        let (side, d) = (sub(corners[b], corners[a]), sub(x, corners[a]));
+        let squared_length = dot(side, side);
+        let t = if squared_length > 0.0 { (dot(side, d) / squared_length).clamp(0.0, 1.0) } else { 0.0 };
+        let offset = sub(d, scale(t, side));
+        if dot(offset, offset) < best.1 {
+            best.0 = [0.0; 3];
+            (best.0[a], best.0[b]) = (1.0 - t, t);
+            best.1 = dot(offset, offset);
+        }
+    }
+    best
+}
+
+/// Barycentric coordinates of the foot of `x` on the plane of a triangle, wherever it lies; `None` without area.
+pub(crate) fn barycentric_in_plane(x: [f64; 3], [p, q, r]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
+    let (e, f, d) = (sub(q, p), sub(r, p), sub(x, p));
+    let normal = cross(e, f);
+    let length = norm(normal);
+    let unit = scale(length.recip(), normal);
+    let (at_q, at_r) = (dot(cross(d, f), unit) / length, dot(cross(e, d), unit) / length);
+    (at_q.is_finite() && at_r.is_finite()).then_some([1.0 - at_q - at_r, at_q, at_r])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Golden-section search over an edge, nested over the triangle: slow, and blind to regions.
+    fn distance_by_search(x: [f64; 3], [p, q, r]: [[f64; 3]; 3]) -> f64 {
+        let minimum = |f: &dyn Fn(f64) -> f64| {
+            let ratio = 0.5 * (5f64.sqrt() - 1.0);
+            let (mut a, mut b) = (0.0, 1.0);
+            for _ in 0..60 {
+                let (c, d) = (b - ratio * (b - a), a + ratio * (b - a));
+                if f(c) < f(d) { b = d } else { a = c }
+            }
+            f(0.5 * (a + b))
+        };
+        let between = |a, b, t| add(scale(1.0 - t, a), scale(t, b));
+        minimum(&|s| {
+            let (a, b) = (between(p, q, s), between(p, r, s));
+            minimum(&|t| norm(sub(x, between(a, b, t))))
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn the_foot_is_the_nearest_point_of_a_triangle(
+            corners in prop::array::uniform3(prop::array::uniform3(-1.0..1.0f64)), x in prop::array::uniform3(-2.0..2.0f64),
+        ) {
+            let (barycentric, squared) = foot_on_triangle(x, &corners);
+            prop_assert!(barycentric.iter().all(|b| *b >= -1e-12) && (barycentric.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            prop_assert!((squared.sqrt() - distance_by_search(x, corners)).abs() < 1e-7);
+            let foot = (0..3).fold([0.0; 3], |sum, k| add(sum, scale(barycentric[k], corners[k])));
+            prop_assert!((norm(sub(x, foot)) - squared.sqrt()).abs() < 1e-12);
+        }
+
+        #[test]
+        fn the_tree_finds_what_a_search_of_all_triangles_finds(
+            corners in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-1.0..1.0f64)), 1..60),
+            x in prop::array::uniform3(-2.0..2.0f64),
+        ) {
+            let nearest = corners.iter().map(|c| foot_on_triangle(x, c).1).fold(f64::INFINITY, f64::min);
+            let foot = TriangleTree::new(&corners).nearest(x);
+            prop_assert_eq!(foot.squared_distance, nearest);
+            prop_assert_eq!(foot_on_triangle(x, &corners[foot.triangle as usize]), (foot.barycentric, nearest));
+        }
+    }
+
+    #[test]
+    fn triangles_without_area_have_feet_too() {
+        let (p, q) = ([0.0; 3], [2.0, 0.0, 0.0]);
+        for corners in [[p, q, q], [p, p, q], [q, p, q], [p, q, [1.0, 0.0, 0.0]]] {
+            let (barycentric, squared) = foot_on_triangle([1.5, 1.0, 0.0], &corners);
+            assert!((squared - 1.0).abs() < 1e-15, "{barycentric:?} {squared}");
+            assert_eq!(barycentric_in_plane(q, corners), None);
+        }
+        assert_eq!(foot_on_triangle(q, &[p, p, p]), ([1.0, 0.0, 0.0], 4.0));
+    }
+}

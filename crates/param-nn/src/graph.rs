@@ -1,0 +1,226 @@
+//! Radius graphs in spaces of any dimension.
+
+use rayon::prelude::*;
+
+use crate::real::{matrix, product};
+
+/// Rows whose products with all points are formed at once: a block of 64 rows by 10⁴ points takes 2.5 MB.
+const BLOCK: usize = 64;
+
+/// Distances that are compared with the bound before any of them is looked at alone.
+const LANES: usize = 32;
+
+/// Edges from sources to targets, grouped by target.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Graph {
+    /// The edges of target i are `starts[i]..starts[i + 1]`.
+    pub(crate) starts: Vec<u32>,
+    /// Source of each edge.
+    pub(crate) sources: Vec<u32>,
+}
+
+impl Graph {
+    pub(crate) fn targets(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    pub(crate) fn edges(&self) -> usize {
+        self.sources.len()
+    }
+
+    #[inline(always)]
+    pub(crate) fn of(&self, target: usize) -> &[u32] {
+        &self.sources[self.starts[target] as usize..self.starts[target + 1] as usize]
+    }
+
+    /// The same edges, grouped by source, each to one of `targets` new sources' places.
+    pub(crate) fn reversed(&self, sources: usize) -> Self {
+        let mut starts = vec![0u32; sources + 1];
+        self.sources.iter().for_each(|&s| starts[s as usize + 1] += 1);
+        for s in 0..sources {
+            starts[s + 1] += starts[s];
+        }
+        let mut next = starts.clone();
+        let mut reversed = vec![0; self.edges()];
+        for target in 0..self.targets() {
+            for &source in self.of(target) {
+                let place = &mut next[source as usize];
+                reversed[*place as usize] = target as u32;
+                *place += 1;
+            }
+        }
+        Self { starts, sources: reversed }
+    }
+}
+
+/// The points within `radius` of each query, the nearest `cap` of them; equally far ones by index. Queries and points
+/// are rows of `width` numbers. With `own`, query i is point i, and its distance to itself is exactly 0.
+pub(crate) fn radius_graph(queries: &[f32], points: &[f32], width: usize, radius: f32, cap: usize, own: bool) -> Graph {
+    let n = points.len() / width;
+    // Distances from squares cancel where points are far from the origin: move it into their middle.
+    let mut center = vec![0.0; width];
+    for row in points.chunks_exact(width) {
+        center.iter_mut().zip(row).for_each(|(c, x)| *c += x / n as f32);
+    }
+    let centered = |rows: &[f32]| -> Vec<f32> {
+        rows.chunks_exact(width).flat_map(|row| row.iter().zip(&center).map(|(x, c)| x - c)).collect()
+    };
+    let (queries, points) = (centered(queries), centered(points));
+    let squares: Vec<f32> = points.chunks_exact(width).map(|row| row.iter().map(|x| x * x).sum()).collect();
+    let blocks: Vec<(Vec<u32>, Vec<u32>)> = queries
+        .par_chunks(BLOCK * width)
+        .enumerate()
+        .map(|(block, rows)| {
+            let count = rows.len() / width;
+            let mut products = vec![0.0; count * n];
+            product(&mut products, matrix(rows, width), matrix(&points, width).transpose());
+            let (mut counts, mut sources) = (Vec::with_capacity(count), Vec::with_capacity(count * cap));
+            let mut nearest = Nearest::new(cap);
+            for (i, (row, products)) in rows.chunks_exact(width).zip(products.chunks_exact_mut(n)).enumerate() {
+                let square: f32 = row.iter().map(|x| x * x).sum();
+                if own {
+                    let index = block * BLOCK + i;
+                    products[index] = 0.5 * (square + squares[index]);
+                }
+                nearest.search(square, products, &squares, radius * radius);
+                counts.push(nearest.found.len() as u32);
+                sources.extend(nearest.found.iter().map(|key| *key as u32));
+            }
+            (counts, sources)
+        })
+        .collect();
+    let mut starts = vec![0];
+    let mut sources = Vec::new();
+    for (counts, block) in blocks {
+        for count in counts {
+            starts.push(starts.last().copied().unwrap_or(0) + count);
+        }
+        sources.extend(block);
+    }
+    Graph { starts, sources }
+}
+
+/// The nearest points of one query.
+struct Nearest {
+    cap: usize,
+    /// Squared distances in the upper half (the bits of positive floats are ordered as they are), indices in the lower.
+    found: Vec<u64>,
+}
+
+impl Nearest {
+    fn new(cap: usize) -> Self {
+        Self { cap, found: Vec::with_capacity(3 * cap) }
+    }
+
+    fn search(&mut self, square: f32, products: &[f32], squares: &[f32], bound: f32) {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.search_lanes(square, products, squares, bound),
+        );
+    }
+
+    #[inline(always)]
+    fn search_lanes(&mut self, square: f32, products: &[f32], squares: &[f32], mut bound: f32) {
+        self.found.clear();
+        let mut distances = [0.0f32; LANES];
+        let (product_lanes, product_rest) = products.as_chunks::<LANES>();
+        let (square_lanes, square_rest) = squares.as_chunks::<LANES>();
+        for (chunk, (p, s)) in product_lanes.iter().zip(square_lanes).enumerate() {
+            let mut least = f32::INFINITY;
+            for k in 0..LANES {
+                distances[k] = square + s[k] - 2.0 * p[k];
+                least = if distances[k] < least { distances[k] } else { least };
+            }
+            if least <= bound {
+                for (k, &d) in distances.iter().enumerate() {
+                    bound = self.offer(d, chunk * LANES + k, bound);
+                }
+            }
+        }
+        let first = product_lanes.len() * LANES;
+        for (k, (p, s)) in product_rest.iter().zip(square_rest).enumerate() {
+            bound = self.offer(square + s - 2.0 * p, first + k, bound);
+        }
+        self.shrink();
+    }
+
+    #[inline(always)]
+    fn offer(&mut self, distance: f32, index: usize, bound: f32) -> f32 {
+        if distance <= bound {
+            self.found.push(u64::from(distance.max(0.0).to_bits()) << 32 | index as u64);
+            if self.found.len() == 3 * self.cap {
+                self.shrink();
+                // Later points have larger indices: at the same distance they are no nearer.
+                return self.found.iter().map(|key| f32::from_bits((key >> 32) as u32)).fold(0.0, f32::max);
+            }
+        }
+        bound
+    }
+
+    fn shrink(&mut self) {
+        if self.found.len() > self.cap {
+            self.found.select_nth_unstable(self.cap - 1);
+            self.found.truncate(self.cap);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::stream;
+    use rand::RngExt;
+
+    fn brute_force(queries: &[f32], points: &[f32], width: usize, radius: f32, cap: usize) -> Vec<Vec<u32>> {
+        let search = |q: &[f32]| {
+            let mut all: Vec<(f32, u32)> = (0u32..)
+                .zip(points.chunks_exact(width))
+                .map(|(j, p)| (q.iter().zip(p).map(|(a, b)| (a - b) * (a - b)).sum(), j))
+                .filter(|(d, _): &(f32, u32)| *d <= radius * radius)
+                .collect();
+            all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let mut rows: Vec<u32> = all.into_iter().take(cap).map(|(_, j)| j).collect();
+            rows.sort_unstable();
+            rows
+        };
+        queries.chunks_exact(width).map(search).collect()
+    }
+
+    fn sorted_rows(graph: &Graph) -> Vec<Vec<u32>> {
+        (0..graph.targets())
+            .map(|i| {
+                let mut row = graph.of(i).to_vec();
+                row.sort_unstable();
+                row
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_graph_holds_the_nearest_points_within_the_radius() {
+        let mut random = stream(5, 0);
+        for (n, width, radius, cap) in [(300, 3, 0.3, 32), (500, 3, 0.05, 32), (200, 64, 2.9, 8), (5, 2, 1.0, 3)] {
+            let points: Vec<f32> = (0..n * width).map(|_| random.random::<f32>() + 3.0).collect();
+            let graph = radius_graph(&points, &points, width, radius, cap, true);
+            assert_eq!(sorted_rows(&graph), brute_force(&points, &points, width, radius, cap));
+            let queries = &points[..n / 3 * width];
+            let graph = radius_graph(queries, &points, width, radius, cap, false);
+            assert_eq!(sorted_rows(&graph), brute_force(queries, &points, width, radius, cap));
+        }
+    }
+
+    #[test]
+    fn equal_points_are_taken_by_index() {
+        let points = [0.5f32; 3 * 100];
+        let graph = radius_graph(&points, &points, 3, 0.1, 4, true);
+        assert!(sorted_rows(&graph).iter().all(|row| row == &[0, 1, 2, 3]));
+    }
+
+    #[test]
+    fn reversing_twice_brings_the_edges_back() {
+        let points: Vec<f32> = (0..90).map(|k| (0.7 * k as f32).sin()).collect();
+        let graph = radius_graph(&points[..30], &points, 3, 0.5, 6, false);
+        let reversed = graph.reversed(30);
+        assert_eq!(sorted_rows(&reversed.reversed(10)), sorted_rows(&graph));
+    }
+}

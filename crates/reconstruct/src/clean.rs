@@ -1,0 +1,176 @@
+//! What is removed from a scan before it is laid out.
+
+use std::path::Path;
+
+use geom_io::{Format, ReadOptions, Scan, read_scan};
+use ndarray::Axis;
+use point_cloud::{
+    BoundingBox, SubMesh, TriangleMesh, check_surface_cloud, find_outliers, find_stray_pieces, largest_piece, thin,
+};
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
+
+use crate::parameter_options::{Clean, ParameterChoice};
+use crate::{Error, Event, ParameterOptions, Watch};
+
+/// Neighbours and robust standard deviations that make a point an outlier.
+const OUTLIERS: (usize, f64) = (12, 5.0);
+/// Spacings over which two points still belong to one piece.
+const PIECE_REACH: f64 = 3.0;
+/// Points up to which outliers and stray pieces are looked for unasked: it takes a second for each 4·10⁵ points.
+const LOOKED_AT: usize = 200_000;
+
+/// A scan without what was to be removed.
+pub(crate) struct Cleaned {
+    pub(crate) scan: Scan,
+    /// Row in the file of each point.
+    pub(crate) rows: Vec<u32>,
+    pub(crate) found: Found,
+}
+
+/// What was found; `None` where it was not looked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Found {
+    pub(crate) outliers: Option<usize>,
+    pub(crate) stray: Option<usize>,
+    pub(crate) pieces: Option<usize>,
+}
+
+/// Crops, masks, cleans and thins.
+pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Cleaned, Error> {
+    let m = scan.cloud.points.nrows();
+    let mut cleaned = Cleaned { scan, rows: (0..m as u32).collect(), found: Found::default() };
+    if let Some(crop) = options.crop {
+        let points = &cleaned.scan.cloud.points;
+        let kept = (0..m).filter(|&i| crop.holds(points[[i, 0]], points[[i, 1]])).collect();
+        cleaned.keep(kept, "--crop")?;
+    }
+    if let Some(path) = &options.mask {
+        let _ = watch(Event::Step("masking"));
+        let kept = unmasked(path, &cleaned.scan)?;
+        cleaned.keep(kept, "--mask")?;
+    }
+    if cleaned.rows.len() < m && (options.read.height_field || cleaned.scan.format == Format::EsriGrid) {
+        cleaned.spread_parameters();
+    }
+    let scattered = cleaned.scan.cloud.grid.is_none() && cleaned.scan.triangles.is_none();
+    let unasked = scattered && cleaned.scan.cloud.parameters.is_none() && cleaned.rows.len() <= LOOKED_AT;
+    let asked = |what| options.clean.contains(&what);
+    if asked(Clean::Stray) || unasked && is_laid_out_by_shape(options) {
+        let _ = watch(Event::Step("looking for stray pieces"));
+        cleaned.stray(asked(Clean::Stray))?;
+    }
+    if asked(Clean::Outliers) || unasked && is_laid_out_by_shape(options) {
+        let _ = watch(Event::Step("looking for outliers"));
+        cleaned.outliers(asked(Clean::Outliers))?;
+    }
+    if let Some(n) = options.thin {
+        let _ = watch(Event::Step("thinning"));
+        let kept = thin(cleaned.scan.cloud.points.view(), n)?.kept;
+        cleaned.keep(kept, "--thin")?;
+    }
+    Ok(cleaned)
+}
+
+/// Whether a cloud without order would be laid out by its shape, so that stray points matter.
+fn is_laid_out_by_shape(options: &ParameterOptions) -> bool {
+    !matches!(options.param, ParameterChoice::Given | ParameterChoice::Chord | ParameterChoice::Centripetal)
+}
+
+impl Cleaned {
+    /// Keeps points, which loses the order of a grid, and triangles of which all vertices stay.
+    fn keep(&mut self, kept: Vec<usize>, option: &'static str) -> Result<(), Error> {
+        let given = self.rows.len();
+        if kept.len() == given {
+            return Ok(());
+        }
+        if kept.is_empty() {
+            return Err(Error::NothingLeft { option, given });
+        }
+        let Scan { cloud, triangles, on_boundary, notes, .. } = &mut self.scan;
+        notes.push(format!("{option} left out {} of {given} points", given - kept.len()));
+        if let Some(triangles) = triangles {
+            let mut new = vec![u32::MAX; given];
+            kept.iter().enumerate().for_each(|(at, &old)| new[old] = at as u32);
+            *triangles =
+                triangles.iter().map(|t| t.map(|v| new[v as usize])).filter(|t| !t.contains(&u32::MAX)).collect();
+        }
+        cloud.points = cloud.points.select(Axis(0), &kept);
+        cloud.parameters = cloud.parameters.take().map(|parameters| parameters.select(Axis(0), &kept));
+        if cloud.grid.take().is_some() && cloud.parameters.is_none() {
+            notes.push(format!("the grid order was lost by {option}"));
+        }
+        *on_boundary = on_boundary.take().map(|labels| kept.iter().map(|&i| labels[i]).collect());
+        self.rows = kept.iter().map(|&i| self.rows[i]).collect();
+        Ok(())
+    }
+
+    /// Spreads the parameters of a height field over the square again.
+    fn spread_parameters(&mut self) {
+        let Some(parameters) = &mut self.scan.cloud.parameters else { return };
+        for mut column in parameters.columns_mut() {
+            let lower = column.iter().copied().fold(f64::INFINITY, f64::min);
+            let upper = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            if upper > lower {
+                column.mapv_inplace(|x| ((x - lower) / (upper - lower)).min(1.0));
+            }
+        }
+    }
+
+    fn stray(&mut self, remove: bool) -> Result<(), Error> {
+        if let Some(triangles) = &self.scan.triangles {
+            let mesh = TriangleMesh { vertices: self.scan.cloud.points.clone(), triangles: triangles.clone() };
+            let SubMesh { kept, .. } = largest_piece(&mesh)?;
+            self.found.stray = Some(self.rows.len() - kept.len());
+            return if remove { self.keep(kept, "--clean stray") } else { Ok(()) };
+        }
+        check_surface_cloud(self.scan.cloud.points.view(), 4)?;
+        let pieces = find_stray_pieces(self.scan.cloud.points.view(), PIECE_REACH)?;
+        let kept: Vec<usize> = (0..self.rows.len()).filter(|&i| pieces.piece_of[i] == 0).collect();
+        self.found.stray = Some(self.rows.len() - kept.len());
+        self.found.pieces = Some(pieces.sizes.len());
+        if remove { self.keep(kept, "--clean stray") } else { Ok(()) }
+    }
+
+    fn outliers(&mut self, remove: bool) -> Result<(), Error> {
+        let (k, factor) = OUTLIERS;
+        let outliers = find_outliers(self.scan.cloud.points.view(), k, factor)?;
+        self.found.outliers = Some(outliers.removed.len());
+        if remove { self.keep(outliers.kept, "--clean outliers") } else { Ok(()) }
+    }
+}
+
+/// Points over a cell of the grid file that has a value other than 0.
+fn unmasked(path: &Path, scan: &Scan) -> Result<Vec<usize>, Error> {
+    let mask = read_scan(path, &ReadOptions::default())?;
+    let cells = &mask.cloud.points;
+    if cells.ncols() != 3 {
+        return Err(Error::Mask { path: path.to_owned() });
+    }
+    let sites = cells.outer_iter().map(|c| GeomWithData::new([c[0], c[1]], c[2])).collect();
+    let tree: RTree<GeomWithData<[f64; 2], f64>> = RTree::bulk_load(sites);
+    // Cells are squares round their centres; the nearest two centres are one side apart.
+    let side = tree
+        .iter()
+        .next()
+        .and_then(|first| {
+            tree.nearest_neighbor_iter(*first.geom()).nth(1).map(|next| distance(*first.geom(), *next.geom()))
+        })
+        .ok_or_else(|| Error::Mask { path: path.to_owned() })?;
+    let reach = 0.5 * side * (1.0 + 1e-9);
+    let bounds = BoundingBox::of(cells.view())?;
+    tracing::debug!(cells = cells.nrows(), side, ?bounds, "mask");
+    let points = &scan.cloud.points;
+    let is_kept = |i: &usize| {
+        let place = [points[[*i, 0]], points[[*i, 1]]];
+        tree.nearest_neighbor(place).is_some_and(|cell| {
+            let [x, y] = *cell.geom();
+            cell.data != 0.0 && (x - place[0]).abs() <= reach && (y - place[1]).abs() <= reach
+        })
+    };
+    Ok((0..points.nrows()).filter(is_kept).collect())
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}

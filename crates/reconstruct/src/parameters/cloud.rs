@@ -1,0 +1,167 @@
+//! Maps of clouds without order.
+
+use ndarray::{Array2, Axis};
+use param_classic::{
+    BoundaryParameters, CloudMap, CloudMapParams, CloudWeights, correct_shape, map_cloud, side_parameters,
+};
+use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
+
+use super::{Layout, mesh};
+use crate::parameter_options::ParameterChoice;
+use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
+
+/// A cloud to be laid out, and what the user says of it. Indices are of its points.
+pub(super) struct Cloud {
+    pub(super) points: Array2<f64>,
+    /// The outer boundary in order.
+    pub(super) boundary: Option<Vec<u32>>,
+    pub(super) corners: Option<[u32; 4]>,
+}
+
+/// Lays out a cloud at once: by default through a mesh that is spanned over it; else, and where none comes out, through its
+/// boundary and barycentric weights (Imperatore 2024, §4.2.1).
+pub(super) fn lay_out(
+    cloud: Cloud,
+    choice: ParameterChoice,
+    options: &ParameterOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Layout, Error> {
+    let _ = watch(Event::Step("spanning a mesh over the cloud"));
+    let found = find_boundary(cloud.points.view(), &BoundaryParams::default());
+    let spanned = match (found, &cloud.boundary) {
+        (Ok(found), _) => Some(found),
+        // A boundary that is given needs no finding.
+        (Err(_), Some(_)) => None,
+        (Err(reason), None) => return Err(reason.into()),
+    };
+    let has_mesh = spanned.as_ref().is_some_and(|found| found.triangles.is_some());
+    let by_mesh = matches!(choice, ParameterChoice::Auto | ParameterChoice::MeanValue) && cloud.boundary.is_none();
+    let mut layout = match &spanned {
+        Some(found) if by_mesh && has_mesh => by_spanned_mesh(&cloud, found, options, watch)?,
+        _ => by_boundary(&cloud, spanned.as_ref(), choice, options, watch)?,
+    };
+    if by_mesh && !has_mesh {
+        layout
+            .warnings
+            .push("no mesh could be spanned over the cloud; it was laid out by its boundary and neighbours".to_owned());
+    }
+    if let Some(found) = &spanned {
+        (layout.spacing, layout.noise) = (Some(found.spacing), Some(found.noise));
+    }
+    Ok(layout)
+}
+
+fn by_spanned_mesh(
+    cloud: &Cloud,
+    found: &CloudBoundary,
+    options: &ParameterOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Layout, Error> {
+    let (disk, kept) = found.disk_mesh(cloud.points.view())?;
+    let kept: Vec<u32> = kept.iter().map(|&row| row as u32).collect();
+    let corners = match cloud.corners {
+        Some(corners) => {
+            let mut vertices = [0; 4];
+            for (vertex, corner) in vertices.iter_mut().zip(corners) {
+                let row = corner.into();
+                *vertex =
+                    kept.binary_search(&corner).map_err(|_| Error::NoSuchPoint { option: "--corners", row })? as u32;
+            }
+            Some(vertices)
+        }
+        None => None,
+    };
+    let mut layout = mesh::map(&disk, ParameterChoice::MeanValue, corners, options, watch)?;
+    layout.of_rows(&kept);
+    layout.method = if layout.refined { "spanned mesh, mean-value, refined" } else { "spanned mesh, mean-value" };
+    if !found.left_out.is_empty() {
+        layout.warnings.push(format!(
+            "{} points are equal to others, stray or off the surface, and were left out",
+            found.left_out.len()
+        ));
+    }
+    Ok(layout)
+}
+
+/// Through the boundary, given or found, and weights of neighbours. The triangles found serve to measure the map only.
+fn by_boundary(
+    cloud: &Cloud,
+    spanned: Option<&CloudBoundary>,
+    choice: ParameterChoice,
+    options: &ParameterOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Layout, Error> {
+    let Some(outer) = cloud.boundary.as_ref().or(spanned.map(|found| &found.outer)) else {
+        return Err(point_cloud::CloudError::NoTriangles.into());
+    };
+    let points = cloud.points.view();
+    let outline = points.select(Axis(0), &places(outer));
+    let positions = match cloud.corners {
+        Some(corners) => corner_positions(corners, outer)?,
+        None => find_corners(outline.view(), CornerParams::default())?.positions,
+    };
+    let fixed = BoundaryParameters {
+        points: outer.clone(),
+        parameters: side_parameters(outline.view(), positions, options.boundary_rule.rule())?,
+    };
+    let (weights, method) = match choice {
+        ParameterChoice::Uniform => (CloudWeights::Uniform, "uniform"),
+        ParameterChoice::Recd => (CloudWeights::ReciprocalDistance { exponent: 1.0 }, "recd"),
+        _ => (CloudWeights::LocalProjection, "lpsp"),
+    };
+    let _ = watch(Event::Step("mapping the cloud"));
+    let params = CloudMapParams { weights, radius: options.radius.0, ..CloudMapParams::default() };
+    let CloudMap { mut parameters, report } = map_cloud(points, &fixed, &params)?;
+    let mut warnings = Vec::new();
+    if report.growths > 0 {
+        let radius = report.radius.unwrap_or_default();
+        warnings.push(format!("the radius was grown to {radius:.4e} so that every point has a path to the boundary"));
+    }
+    let mut method = method;
+    if choice == ParameterChoice::Auto {
+        // Nothing is lost where the correction has no solution.
+        if let Ok(corrected) = correct_shape(points, &fixed, parameters.view()) {
+            (parameters, method) = (corrected.parameters, "lpsp, corrected");
+        }
+    }
+    let rim = |rim: &Vec<u32>| HoleReport {
+        points: rim.len(),
+        length: loop_length(points.select(Axis(0), &places(rim)).view()),
+    };
+    let mut layout = Layout {
+        parameters,
+        rows: (0..cloud.points.nrows() as u32).collect(),
+        boundary: outer.clone(),
+        holes: spanned.map(|found| found.holes.iter().map(rim).collect()).unwrap_or_default(),
+        corners: Some(positions.map(|at| outer[at])),
+        method,
+        warnings,
+        points: cloud.points.clone(),
+        ..Layout::default()
+    };
+    if let Some(mut triangles) = spanned.and_then(|found| found.triangles.clone()) {
+        // The loop may run the other way round than the triangles.
+        if layout.runs_against(&triangles, layout.rows.len()) {
+            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        layout.triangles = triangles;
+    }
+    Ok(layout)
+}
+
+fn places(rows: &[u32]) -> Vec<usize> {
+    rows.iter().map(|&row| row as usize).collect()
+}
+
+/// Places of the corners in the loop, the first first, the others as the loop meets them.
+fn corner_positions(corners: [u32; 4], outer: &[u32]) -> Result<[usize; 4], Error> {
+    let mut positions = [0; 4];
+    for (position, corner) in positions.iter_mut().zip(corners) {
+        let on_loop = outer.iter().position(|&point| point == corner);
+        *position = on_loop.ok_or(Error::CornerInside { row: corner })?;
+    }
+    let first = positions[0];
+    let n = outer.len();
+    positions.sort_by_key(|&at| (at + n - first) % n);
+    Ok(positions)
+}

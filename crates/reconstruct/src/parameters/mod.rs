@@ -1,0 +1,241 @@
+//! Parameters for the points of a scan.
+
+mod boundary;
+mod cloud;
+mod large;
+mod mesh;
+mod quality;
+
+use std::time::Instant;
+
+use geom_io::{Format, Scan, read_scan};
+use ndarray::{Array2, Axis};
+use param_classic::{map_quality, parameterize_grid};
+use point_cloud::{Duplicates, check_surface_cloud};
+
+pub use self::quality::{HoleReport, ParameterReport, Stretch, VoidReport};
+use crate::clean::{Cleaned, clean};
+use crate::parameter_options::{BoundaryRule, Domain, ParameterChoice};
+use crate::{Error, Event, ParameterOptions, Watch};
+
+/// Fewest points of a surface: four control points of the smallest bilinear one.
+const MIN_POINTS: usize = 4;
+
+/// What the user of a cloud without order can do about a parameterization that needs more.
+const CLOUD_HINT: &str =
+    "; leave --param out to have it laid out by its shape, or give a mesh, columns i,j or columns u,v";
+
+/// Points with parameters.
+#[derive(Clone, Debug)]
+pub struct Parameterized {
+    /// The points, `(m, 3)`.
+    pub points: Array2<f64>,
+    /// Their parameters, `(m, 2)`.
+    pub parameters: Array2<f64>,
+    /// Row of each point in the file, from 0.
+    pub rows: Vec<u32>,
+    /// Triangles over the points: those of a mesh, or of one spanned over (a subset of) a cloud; empty if there are none.
+    pub triangles: Vec<[u32; 3]>,
+    /// The points of the outer boundary in order; empty where it was not needed.
+    pub boundary: Vec<u32>,
+    /// Whether the parameters run against the triangles of the input.
+    pub reversed: bool,
+    /// How it went, and how good it is.
+    pub report: ParameterReport,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// Points that were laid out, before their quality is known. All indices are of `points`.
+#[derive(Default)]
+struct Layout {
+    points: Array2<f64>,
+    parameters: Array2<f64>,
+    /// Row of each point among those that were to be laid out.
+    rows: Vec<u32>,
+    triangles: Vec<[u32; 3]>,
+    boundary: Vec<u32>,
+    holes: Vec<HoleReport>,
+    corners: Option<[u32; 4]>,
+    method: &'static str,
+    refined: bool,
+    /// Points that were laid out at once, where not all were.
+    subset: Option<usize>,
+    spacing: Option<f64>,
+    noise: Option<f64>,
+    reversed: bool,
+    is_height_field: bool,
+    warnings: Vec<String>,
+}
+
+/// Reads a file, as `options.read` says, and finds parameters for its points.
+///
+/// # Errors
+/// [`Error`].
+pub fn parameterize_file(
+    path: &std::path::Path,
+    options: &ParameterOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Parameterized, Error> {
+    let _ = watch(Event::Step("reading"));
+    parameterize(read_scan(path, &options.read)?, options, watch)
+}
+
+/// Finds parameters for the points of a scan in the way asked for, and measures how good they are.
+///
+/// # Errors
+/// [`Error`].
+pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Parameterized, Error> {
+    let start = Instant::now();
+    options.check()?;
+    let columns = scan.cloud.points.ncols();
+    if columns != 3 {
+        return Err(Error::Coordinates { given: columns });
+    }
+    check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
+    let read = scan.cloud.points.nrows();
+    let Cleaned { scan, rows, found } = clean(scan, options, watch)?;
+    check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
+    let mut warnings = scan.notes.clone();
+    warnings.extend(found.warnings(&options.clean));
+
+    let _ = watch(Event::Step("laying out"));
+    let layout = lay_out(scan, &rows, options, watch)?;
+    warnings.extend(layout.warnings.iter().cloned());
+    let _ = watch(Event::Step("measuring the parameters"));
+    let in_file = |i: u32| rows[layout.rows[i as usize] as usize];
+    let mut report = quality::measure(&layout, options.domain)?;
+    report.corners = layout.corners.map(|corners| corners.map(in_file));
+    report.left_out = read - layout.rows.len();
+    report.outliers = found.outliers;
+    report.stray = found.stray;
+    report.seconds = start.elapsed().as_secs_f64();
+    let rows = (0..layout.rows.len() as u32).map(in_file).collect();
+    let Layout { points, parameters, triangles, boundary, reversed, .. } = layout;
+    Ok(Parameterized { points, parameters, rows, triangles, boundary, reversed, report, warnings })
+}
+
+/// Lays points out in the way asked for; `rows` are theirs in the file.
+fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Layout, Error> {
+    let given_boundary = boundary::given(&scan, rows, options)?;
+    let choice = match options.param {
+        ParameterChoice::Auto if scan.cloud.parameters.is_some() => ParameterChoice::Given,
+        ParameterChoice::Auto if scan.triangles.is_some() && given_boundary.is_none() => ParameterChoice::MeanValue,
+        ParameterChoice::Auto if scan.cloud.grid.is_some() => ParameterChoice::Chord,
+        ParameterChoice::Uniform if scan.triangles.is_none() && scan.cloud.grid.is_some() => ParameterChoice::Uniform,
+        other => other,
+    };
+    let missing = |needed, hint| Error::NoParameters { asked: options.param.to_string(), needed, hint };
+    match (choice, scan.triangles.is_some(), scan.cloud.grid) {
+        (ParameterChoice::Given, ..) => {
+            let parameters = scan.cloud.parameters.ok_or_else(|| missing("parameters u, v in the file", ""))?;
+            check_domain(&parameters, options.domain)?;
+            let is_height_field = scan.format == Format::EsriGrid || options.read.height_field;
+            let layout = as_they_are(scan.cloud.points, parameters, scan.triangles, "given", Vec::new());
+            Ok(Layout { is_height_field, ..layout })
+        }
+        (ParameterChoice::Chord | ParameterChoice::Centripetal, ..) | (ParameterChoice::Uniform, false, Some(_)) => {
+            let grid = scan.cloud.grid.ok_or_else(|| missing("grid order (columns i, j)", CLOUD_HINT))?;
+            let (rule, name) = match choice {
+                ParameterChoice::Uniform => (BoundaryRule::Uniform, "uniform"),
+                ParameterChoice::Centripetal => (BoundaryRule::Centripetal, "centripetal"),
+                _ => (BoundaryRule::Chord, "chord"),
+            };
+            let (parameters, report) = parameterize_grid(scan.cloud.points.view(), grid, rule.rule())?;
+            let skipped = [(report.skipped_u, 'u'), (report.skipped_v, 'v')];
+            let warnings = skipped
+                .into_iter()
+                .filter(|(lines, _)| *lines > 0)
+                .map(|(lines, direction)| format!("{lines} grid lines along {direction} are single points"));
+            let warnings = warnings.collect();
+            Ok(as_they_are(scan.cloud.points, parameters, scan.triangles, name, warnings))
+        }
+        (ParameterChoice::MeanValue | ParameterChoice::Uniform, true, _) if given_boundary.is_none() => {
+            mesh::lay_out_or_take_vertices(scan, rows, choice, options, watch)
+        }
+        _ => {
+            let corners = corners_among(rows, options)?;
+            let cloud = cloud::Cloud { points: scan.cloud.points, boundary: given_boundary, corners };
+            let mut layout = large::lay_out(cloud, choice, options, watch)?;
+            // The triangles of a mesh tell its outside, whatever laid out its vertices.
+            match scan.triangles {
+                Some(triangles) => layout.reversed = layout.runs_against(&triangles, rows.len()),
+                None => {
+                    layout.warnings.push("the cloud does not tell its outside: --flip turns the face normal".to_owned())
+                }
+            }
+            Ok(layout)
+        }
+    }
+}
+
+/// A layout with known parameters for all points.
+fn as_they_are(
+    points: Array2<f64>,
+    parameters: Array2<f64>,
+    triangles: Option<Vec<[u32; 3]>>,
+    method: &'static str,
+    mut warnings: Vec<String>,
+) -> Layout {
+    let duplicates = Duplicates::find(points.view()).count();
+    if duplicates > 0 {
+        warnings.push(format!("{duplicates} points are equal to others; all are kept"));
+    }
+    let rows = (0..points.nrows() as u32).collect();
+    let mut layout = Layout { points, parameters, rows, method, warnings, ..Layout::default() };
+    if let Some(mut triangles) = triangles {
+        layout.reversed = layout.runs_against(&triangles, layout.rows.len());
+        if layout.reversed {
+            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        layout.triangles = triangles;
+    }
+    layout
+}
+
+impl Layout {
+    /// Whether most of the triangles over the `count` points that were to be laid out are clockwise in (u, v).
+    fn runs_against(&self, triangles: &[[u32; 3]], count: usize) -> bool {
+        let mut place = vec![u32::MAX; count];
+        self.rows.iter().enumerate().for_each(|(at, &row)| place[row as usize] = at as u32);
+        let laid_out = |t: &[u32; 3]| t.map(|v| place[v as usize]);
+        let triangles: Vec<[u32; 3]> = triangles.iter().map(laid_out).filter(|t| !t.contains(&u32::MAX)).collect();
+        map_quality(self.points.view(), &triangles, self.parameters.view())
+            .is_ok_and(|quality| 2 * quality.folded.len() > quality.triangles - quality.collapsed)
+    }
+
+    /// Takes a part of the points; triangles and the boundary have to lie within it.
+    fn of_rows(&mut self, outer: &[u32]) {
+        self.rows.iter_mut().for_each(|row| *row = outer[*row as usize]);
+    }
+}
+
+/// The given corners as places among the points, whose rows in the file are `rows`, increasing.
+fn corners_among(rows: &[u32], options: &ParameterOptions) -> Result<Option<[u32; 4]>, Error> {
+    let Some(corners) = options.corners else { return Ok(None) };
+    let mut places = [0; 4];
+    for (place, row) in places.iter_mut().zip(corners.0) {
+        *place =
+            rows.binary_search(&row).map_err(|_| Error::NoSuchPoint { option: "--corners", row: row.into() })? as u32;
+    }
+    Ok(Some(places))
+}
+
+fn check_domain(parameters: &Array2<f64>, domain: Domain) -> Result<(), Error> {
+    if parameters.ncols() != 2 {
+        return Err(
+            fit_ls::Error::Shape { what: "columns of parameters", given: parameters.ncols(), expected: 2 }.into()
+        );
+    }
+    let outside = parameters.indexed_iter().find(|(_, value)| !(0.0..=1.0).contains(*value));
+    if let (Domain::Unit, Some(((index, direction), &value))) = (domain, outside) {
+        return Err(Error::OutsideUnitSquare { index, direction, value });
+    }
+    for (direction, column) in parameters.axis_iter(Axis(1)).enumerate() {
+        let value = column.iter().copied().next().unwrap_or(0.0);
+        if column.iter().all(|&x| x == value) {
+            return Err(Error::FlatDomain { direction, value });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,180 @@
+//! How good parameters are, for the report.
+
+use ndarray::{Array2, Axis};
+use param_classic::{Distortion, Verdict, cloud_quality, map_quality};
+use serde::Serialize;
+
+use super::Layout;
+use crate::Error;
+use crate::clean::Found;
+use crate::parameter_options::{Clean, Domain};
+
+/// Points that voids and distances are measured on, evenly taken from all. Their triangulation takes a tenth of a second.
+const MEASURED: usize = 20_000;
+
+/// How parameters were found and how good they are.
+#[derive(Clone, Debug, Serialize)]
+pub struct ParameterReport {
+    /// How they were found.
+    pub method: &'static str,
+    /// Whether the map was refined towards less distortion.
+    pub refined: bool,
+    /// Points of the well-spread subset through which a large cloud was laid out.
+    pub subset: Option<usize>,
+    /// Points of the file that have no parameters: removed, equal to others, stray.
+    pub left_out: usize,
+    /// Statistical outliers, where they were looked for.
+    pub outliers: Option<usize>,
+    /// Points outside the largest piece, where they were looked for.
+    pub stray: Option<usize>,
+    /// Median distance to the nearest points, in the units of the input; of the subset of a large cloud.
+    pub spacing: Option<f64>,
+    /// Standard deviation of the noise along the normals, in the units of the input.
+    pub noise: Option<f64>,
+    /// Points on the outer boundary, where there is one.
+    pub boundary_points: usize,
+    /// Holes and voids, longest rim first; the surface spans them.
+    pub holes: Vec<HoleReport>,
+    /// Rows in the file of the points at (0,0), (1,0), (1,1), (0,1), from 0.
+    pub corners: Option<[u32; 4]>,
+    /// Triangles over the points, of a mesh or spanned over a cloud; 0 if there are none.
+    pub triangles: usize,
+    /// Those that are folded over in the parameter square, by an exact predicate.
+    pub folded: usize,
+    /// Those that have no area there.
+    pub collapsed: usize,
+    /// Stretch of angles, 1 for none: the ratio of the singular values on each triangle.
+    pub angle_stretch: Option<Stretch>,
+    /// Stretch of areas, 1 for none.
+    pub area_stretch: Option<Stretch>,
+    /// The largest disc in the square without a parameter in it.
+    pub largest_void: VoidReport,
+    /// Correlation of distances between neighbours in space and in parameters.
+    pub distance_correlation: Option<f64>,
+    /// good, usable or poor.
+    pub verdict: &'static str,
+    /// What limits them and what to try; empty if they are good.
+    pub hint: String,
+    /// Seconds from the points to the parameters.
+    pub seconds: f64,
+}
+
+/// The rim of a hole.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct HoleReport {
+    /// Points on it.
+    pub points: usize,
+    /// Its length, in the units of the input.
+    pub length: f64,
+}
+
+/// Mean and largest stretch over the triangles, the mean weighted by area on the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Stretch {
+    /// Mean.
+    pub mean: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl From<Distortion> for Stretch {
+    fn from(distortion: Distortion) -> Self {
+        Self { mean: distortion.mean, max: distortion.max }
+    }
+}
+
+/// A disc in the parameter square.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct VoidReport {
+    /// Its centre.
+    pub center: [f64; 2],
+    /// Its radius.
+    pub radius: f64,
+}
+
+/// Measures a layout. What concerns rows of the file is left for the caller.
+pub(super) fn measure(layout: &Layout, domain: Domain) -> Result<ParameterReport, Error> {
+    let m = layout.rows.len();
+    let step = m.div_ceil(MEASURED);
+    let some: Vec<usize> = (0..m).step_by(step).collect();
+    let points = layout.points.select(Axis(0), &some);
+    let parameters = on_unit_square(layout.parameters.select(Axis(0), &some), domain);
+    let mut spread = cloud_quality(points.view(), parameters.view())?;
+    if layout.is_height_field {
+        // Heights may be in another unit than places.
+        spread.distance_correlation = None;
+    }
+    let map = map_quality(layout.points.view(), &layout.triangles, layout.parameters.view())?;
+    let mut assessments = vec![spread.assessment(some.len())];
+    if !layout.triangles.is_empty() {
+        assessments.push(map.assessment());
+    }
+    let mut verdict = assessments.iter().map(|a| a.verdict).max().unwrap_or(Verdict::Good);
+    if layout.triangles.is_empty() && layout.boundary.is_empty() {
+        // Lines of a grid and parameters of a file may be meant as they are, however they stretch the surface.
+        verdict = verdict.min(Verdict::Usable);
+    }
+    let hints: Vec<&str> = assessments.iter().map(|a| a.hint.as_str()).filter(|hint| !hint.is_empty()).collect();
+    Ok(ParameterReport {
+        method: layout.method,
+        refined: layout.refined,
+        subset: layout.subset,
+        left_out: 0,
+        outliers: None,
+        stray: None,
+        spacing: layout.spacing,
+        noise: layout.noise,
+        boundary_points: layout.boundary.len(),
+        holes: layout.holes.clone(),
+        corners: None,
+        triangles: layout.triangles.len(),
+        folded: map.folded.len(),
+        collapsed: map.collapsed,
+        angle_stretch: map.angle.map(Stretch::from),
+        area_stretch: map.area.map(Stretch::from),
+        largest_void: VoidReport { center: spread.largest_void.center, radius: spread.largest_void.radius },
+        distance_correlation: spread.distance_correlation,
+        verdict: match verdict {
+            Verdict::Good => "good",
+            Verdict::Usable => "usable",
+            Verdict::Poor => "poor",
+        },
+        hint: hints.join("; "),
+        seconds: 0.0,
+    })
+}
+
+/// Parameters of any box, scaled to the unit square that voids are looked for in.
+fn on_unit_square(mut parameters: Array2<f64>, domain: Domain) -> Array2<f64> {
+    if domain == Domain::Data {
+        for mut column in parameters.columns_mut() {
+            let lower = column.iter().copied().fold(f64::INFINITY, f64::min);
+            let upper = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            if upper > lower {
+                column.mapv_inplace(|x| (x - lower) / (upper - lower));
+            }
+        }
+    }
+    parameters
+}
+
+impl Found {
+    /// What was found but not removed.
+    pub(super) fn warnings(&self, removed: &[Clean]) -> Vec<String> {
+        let mut warnings = Vec::new();
+        match self.stray {
+            Some(stray) if stray > 0 && !removed.contains(&Clean::Stray) => warnings.push(format!(
+                "{stray} points lie outside the largest piece{}; --clean stray removes them",
+                self.pieces.map(|pieces| format!(" of {pieces}")).unwrap_or_default()
+            )),
+            _ => {}
+        }
+        match self.outliers {
+            Some(outliers) if outliers > 0 && !removed.contains(&Clean::Outliers) => {
+                warnings.push(format!("{outliers} points look like outliers; --clean outliers removes them"));
+            }
+            _ => {}
+        }
+        warnings
+    }
+}
