@@ -4,7 +4,7 @@
 //!
 //! The file has the columns u, v, x, y, z. Further settings: `extension` (2), `iterations` (20), `levels`, `dofs`,
 //! `share` (of the points to refine for, 0 for all beyond the tolerance), `boundary` (kept or free), `guard` (on or off).
-//! Methods: `fixed`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ), `joint:steps:decrease:polish:norm`,
+//! Methods: `fixed`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ), `joint:steps:decrease:polish:emphasis`,
 //! `j-pdm:a`, `j-pdm:b`, `j-pdm:η:K`.
 
 use std::collections::HashMap;
@@ -117,7 +117,7 @@ fn parse(name: &str) -> Result<Method, Failure> {
                 max_steps: number(0, default.max_steps as f64)? as usize,
                 decrease: number(1, default.decrease)?,
                 polish: number(2, default.polish as f64)? as usize,
-                norm: number(3, default.norm)?,
+                emphasis: number(3, default.emphasis as f64)? as usize,
             })
         }
         "j-pdm" => Method::JointLbfgs(match parts[..] {

@@ -58,7 +58,7 @@ impl<const D: usize> WithSimd for Chunk<'_, D> {
             if patch.cell() != cell {
                 patch.load(map, cell);
             }
-            let jet = patch.jet(points.parameter(at));
+            let jet = patch.first_jet(points.parameter(at));
             frames.push(Frame { residual: difference(&jet.value, &point(points, at)), tangents: jet.first });
         }
         frames

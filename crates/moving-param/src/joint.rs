@@ -11,7 +11,7 @@ use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from};
 use crate::frame::{Frame, Share, columns, frames};
 use crate::moving::{Moves, MovingFit, count};
 use crate::patch::dot;
-use crate::system::stepped;
+use crate::system::{StepSystem, stepped};
 use crate::{Error, JointOptions};
 
 /// Damping of the first step.
@@ -29,46 +29,96 @@ const LEAST_DAMPING: f64 = 1e-6;
 /// Beyond this damping a step is one of point distances: if that does not lower the objective nothing will.
 const MOST_DAMPING: f64 = 1e4;
 
+/// Steps between two changes of the emphasis.
+const STEPS_PER_ROUND: usize = 2;
+
+/// Share of points outside the tolerance up to which emphasis pays: beyond it the space is too coarse.
+const FEW: f64 = 0.05;
+
+/// Largest factor of a point's weight in one round of emphasis, and over all rounds.
+const EMPHASIS: (f64, f64) = (4.0, 1e4);
+
 impl<const D: usize> MovingFit<D> {
     pub(crate) fn joint(
         &mut self,
-        mut map: SplineMap<D>,
+        map: SplineMap<D>,
         options: &JointOptions,
         moves: &mut Moves,
     ) -> Result<SplineMap<D>, Error> {
         let space = map.space().clone();
         let mut system = self.take_system(&space)?;
-        let constraints = self.constraints();
+        // Weights by index: sorted positions change with the parameters.
+        let mut weights = self.weights.clone().unwrap_or_else(|| vec![1.0; self.fit.points().len()]);
         let mut damping = FIRST_DAMPING;
-        'steps: for _ in 0..options.max_steps {
+        let mut map = self.descend(map, &mut system, &weights, &mut damping, options.max_steps, options, moves)?;
+        for _ in 0..options.emphasis {
+            let tolerance = self.options.tolerance;
+            let outside = self.measure(&map)?.outside;
+            if outside == 0 || outside as f64 > FEW * weights.len() as f64 {
+                break;
+            }
+            let distances = self.fit.distances(&map)?.to_vec();
+            let given = self.weights.as_deref();
+            for (&distance, &index) in distances.iter().zip(self.fit.points().order()) {
+                let index = index as usize;
+                let factor = (distance / tolerance).powi(2).clamp(1.0, EMPHASIS.0);
+                weights[index] = (weights[index] * factor).min(EMPHASIS.1 * given.map_or(1.0, |w| w[index]));
+            }
+            let before = (map.clone(), self.parameters());
+            map = self.descend(map, &mut system, &weights, &mut damping, STEPS_PER_ROUND, options, moves)?;
+            if self.measure(&map)?.outside > outside {
+                self.restore(&before.1, &space)?;
+                map = before.0;
+                break;
+            }
+        }
+        self.system = Some((space, system));
+        Ok(map)
+    }
+
+    /// At most `max_steps` steps with weights given by index.
+    fn descend(
+        &mut self,
+        mut map: SplineMap<D>,
+        system: &mut StepSystem,
+        weights: &[f64],
+        damping: &mut f64,
+        max_steps: usize,
+        options: &JointOptions,
+        moves: &mut Moves,
+    ) -> Result<SplineMap<D>, Error> {
+        let space = map.space().clone();
+        let constraints = self.constraints();
+        'steps: for _ in 0..max_steps {
             let points = self.fit.points();
             let frames = frames(&map, points)?;
             let distances: Vec<f64> = frames.iter().map(|f| dot(&f.residual, &f.residual).sqrt()).collect();
             if distances.iter().all(|d| *d <= self.options.tolerance) {
                 break;
             }
-            let weights = norm_weights(&distances, points.weights(), options.norm);
+            let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
             let coefficients = map.coefficients().to_owned();
             let objective = squares(&distances, &weights) + system.energy_part(&coefficients);
             let lowered = loop {
-                let share = |at: usize| Share { point: 0.0, damping, weight: weights[at] };
+                let share = |at: usize| Share { point: 0.0, damping: *damping, weight: weights[at] };
                 let columns = columns(self.fit.points(), &frames, &constraints, share);
                 let step = system.step(&space, self.fit.points(), &columns, &coefficients, 0.0, &Vec::new())?;
                 if let Some(step) = step {
                     let trial = stepped(&space, &coefficients, &step)?;
-                    let found = self.follow(&trial, &frames, damping, options.polish, moves)?;
-                    let new = squares(&found.distances, &weights)
-                        + system.energy_part(&trial.coefficients().to_owned());
+                    let found = self.follow(&trial, &frames, *damping, options.polish, moves)?;
+                    let new =
+                        squares(&found.distances, &weights) + system.energy_part(&trial.coefficients().to_owned());
                     if new < objective {
                         count(moves, &found.report);
                         self.fit.relocate(&found.parameters, &found.cells)?;
                         map = trial;
-                        damping = (damping * DECREASE).max(LEAST_DAMPING);
+                        *damping = (*damping * DECREASE).max(LEAST_DAMPING);
                         break (objective - new) / objective;
                     }
                 }
-                damping *= INCREASE;
-                if damping > MOST_DAMPING {
+                *damping *= INCREASE;
+                if *damping > MOST_DAMPING {
+                    *damping = FIRST_DAMPING;
                     break 'steps;
                 }
             };
@@ -76,7 +126,6 @@ impl<const D: usize> MovingFit<D> {
                 break;
             }
         }
-        self.system = Some((space, system));
         Ok(map)
     }
 
@@ -127,19 +176,3 @@ impl<const D: usize> MovingFit<D> {
 fn squares(distances: &[f64], weights: &[f64]) -> f64 {
     0.5 * distances.iter().zip(weights).map(|(d, w)| w * d * d).sum::<f64>()
 }
-
-/// Weights with which least squares lower the p-norm of the distances: `d^{p−2}`, with mean 1 so that the smoothing keeps
-/// its share.
-fn norm_weights(distances: &[f64], given: Option<&[f64]>, norm: f64) -> Vec<f64> {
-    let given = |at: usize| given.map_or(1.0, |w| w[at]);
-    if norm == 2.0 {
-        return (0..distances.len()).map(given).collect();
-    }
-    let largest = distances.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    let power: Vec<f64> = distances.iter().map(|d| (d / largest).powf(norm - 2.0)).collect();
-    let mean = power.iter().sum::<f64>() / power.len().max(1) as f64;
-    power.iter().enumerate().map(|(at, p)| given(at) * (NORM_FLOOR + (1.0 - NORM_FLOOR) * p / mean)).collect()
-}
-
-/// Least weight of a point under reweighting, so that no part of the map is left to the smoothing alone.
-const NORM_FLOOR: f64 = 0.1;

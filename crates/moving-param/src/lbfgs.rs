@@ -270,7 +270,7 @@ impl<const D: usize> WithSimd for Pass<'_, '_, D> {
                 part.cells.push(cell);
                 part.sums.resize(part.sums.len() + per_cell, 0.0);
             }
-            let jet = patch.jet(u);
+            let jet = patch.first_jet(u);
             let residual = difference(&jet.value, &point(problem.points, at));
             let weight = problem.points.weights().map_or(1.0, |w| w[at]);
             part.squares += weight * dot(&residual, &residual);

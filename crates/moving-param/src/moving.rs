@@ -161,7 +161,7 @@ impl<const D: usize> MovingFit<D> {
     }
 
     /// Restores parameters given in the order of the points.
-    fn restore(&mut self, parameters: &Array2<f64>, space: &HierarchicalSpace<D>) -> Result<(), Error> {
+    pub(crate) fn restore(&mut self, parameters: &Array2<f64>, space: &HierarchicalSpace<D>) -> Result<(), Error> {
         let order = self.fit.points().order().to_vec();
         let moved: Vec<[f64; D]> =
             order.iter().map(|&index| std::array::from_fn(|d| parameters[[index as usize, d]])).collect();
@@ -178,6 +178,42 @@ impl<const D: usize> MovingFit<D> {
         let deviation = adaptive::Deviation::new(distances, tolerance);
         let outside = distances.iter().filter(|d| **d > tolerance).count();
         Ok(Measure { rmse: deviation.rmse(), max: deviation.max, outside })
+    }
+
+    /// The guard against corrections that come too early: of the corrected map, the one before correction, and the one at
+    /// the very first parameters, the one with the fewest points outside the tolerance, at equality the one that was
+    /// corrected most. So what moving has gained so far is compared with not moving at all, in every space.
+    fn guarded(
+        &mut self,
+        corrected: SplineMap<D>,
+        (entering, entering_measure, entry): (SplineMap<D>, Measure, &Array2<f64>),
+        moves: &mut Moves,
+    ) -> Result<SplineMap<D>, Error> {
+        let space = corrected.space().clone();
+        let after = self.measure(&corrected)?;
+        let reached = self.parameters();
+        let mut best = (corrected, after.outside);
+        let mut parameters = &reached;
+        if entering_measure.outside < best.1 {
+            best = (entering, entering_measure.outside);
+            parameters = entry;
+        }
+        let start = self.start.clone();
+        if *entry != start {
+            self.restore(&start, &space)?;
+            let unmoved = self.fit.fit(&space)?;
+            let outside = self.measure(&unmoved)?.outside;
+            if outside < best.1 {
+                best = (unmoved, outside);
+                parameters = &start;
+            }
+        }
+        if *parameters != reached {
+            moves.postponed = true;
+            tracing::info!(?moves, "corrections did harm and are postponed");
+        }
+        self.restore(parameters, &space)?;
+        Ok(best.0)
     }
 
     fn move_parameters(
@@ -239,15 +275,12 @@ impl<const D: usize> Solve<D> for MovingFit<D> {
         let mut map = fixed.clone();
         if before.max > self.options.tolerance {
             map = self.move_parameters(fixed.clone(), previous, &mut moves)?;
+            if self.options.guard {
+                map = self.guarded(map, (fixed, before, &entry), &mut moves)?;
+            }
             let after = self.measure(&map)?;
             moves.rmse[1] = after.rmse;
             moves.outside[1] = after.outside;
-            if self.options.guard && after.outside > before.outside {
-                self.restore(&entry, space)?;
-                map = fixed;
-                moves.postponed = true;
-                tracing::info!(?moves, "corrections did harm and are postponed");
-            }
         }
         let moved = self.parameters();
         let lengths = entry.outer_iter().zip(moved.outer_iter()).map(|(a, b)| {

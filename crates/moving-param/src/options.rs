@@ -83,14 +83,14 @@ pub struct JointOptions {
     pub decrease: f64,
     /// Newton steps towards the foot point after each step, on the stepped map; 0 for the plain method.
     pub polish: usize,
-    /// Exponent p of the norm of distances that is minimized, by reweighting; 2 for least squares. Larger ones lower the
-    /// largest distance.
-    pub norm: f64,
+    /// Rounds in which the few points that are still outside the tolerance get more weight, so that cells need not be
+    /// refined for them.
+    pub emphasis: usize,
 }
 
 impl Default for JointOptions {
     fn default() -> Self {
-        Self { max_steps: 20, decrease: 1e-2, polish: 2, norm: 2.0 }
+        Self { max_steps: 20, decrease: 1e-2, polish: 1, emphasis: 5 }
     }
 }
 
@@ -160,7 +160,6 @@ impl Options {
             }
             Method::Joint(joint) => {
                 normal()?;
-                number("norm", joint.norm, joint.norm >= 2.0 && joint.norm.is_finite(), "at least 2")?;
                 number("decrease", joint.decrease, joint.decrease >= 0.0, "at least 0")
             }
             Method::JointLbfgs(schedule) => {

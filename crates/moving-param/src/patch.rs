@@ -81,18 +81,29 @@ impl<const D: usize> Patch<D> {
     /// Value and derivatives. Outside the cell they are those of the extended polynomial.
     #[inline(always)]
     pub(crate) fn jet(&self, u: [f64; D]) -> Jet<D> {
+        self.derivatives::<true>(u)
+    }
+
+    /// The same without second derivatives, which are zero.
+    #[inline(always)]
+    pub(crate) fn first_jet(&self, u: [f64; D]) -> Jet<D> {
+        self.derivatives::<false>(u)
+    }
+
+    #[inline(always)]
+    fn derivatives<const SECOND: bool>(&self, u: [f64; D]) -> Jet<D> {
         // PERF: loops of known length for the usual degrees; example `foot_points`.
         if self.degree == [2; D] {
-            self.jet_of([3; D], u)
+            self.derivatives_of::<SECOND>([3; D], u)
         } else if self.degree == [3; D] {
-            self.jet_of([4; D], u)
+            self.derivatives_of::<SECOND>([4; D], u)
         } else {
-            self.jet_of(self.degree.map(|p| p + 1), u)
+            self.derivatives_of::<SECOND>(self.degree.map(|p| p + 1), u)
         }
     }
 
     #[inline(always)]
-    fn jet_of(&self, orders: [usize; D], u: [f64; D]) -> Jet<D> {
+    fn derivatives_of<const SECOND: bool>(&self, orders: [usize; D], u: [f64; D]) -> Jet<D> {
         let mut basis = [[[0.0; MAX_DEGREE + 1]; 3]; D];
         for d in 0..D {
             let scale = self.inverse_size[d];
@@ -103,7 +114,7 @@ impl<const D: usize> Patch<D> {
         for (line, rows) in self.coefficients.chunks_exact(inner).enumerate() {
             let mut along = [[0.0; 4]; 3];
             for (i, row) in rows.iter().enumerate() {
-                for order in 0..3 {
+                for order in 0..if SECOND { 3 } else { 2 } {
                     add(&mut along[order], basis[0][order][i], row);
                 }
             }
@@ -119,10 +130,15 @@ impl<const D: usize> Patch<D> {
             let plain = weight([0; D]);
             add(&mut jet.value, plain, &along[0]);
             add(&mut jet.first[0], plain, &along[1]);
-            add(&mut jet.second[0][0], plain, &along[2]);
+            if SECOND {
+                add(&mut jet.second[0][0], plain, &along[2]);
+            }
             for a in 1..D {
                 let w = weight(std::array::from_fn(|d| usize::from(d == a)));
                 add(&mut jet.first[a], w, &along[0]);
+                if !SECOND {
+                    continue;
+                }
                 add(&mut jet.second[0][a], w, &along[1]);
                 for b in a..D {
                     let w = weight(std::array::from_fn(|d| usize::from(d == a) + usize::from(d == b)));

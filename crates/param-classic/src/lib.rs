@@ -6,6 +6,7 @@
 //!   distortion without folds, and [`map_quality`].
 //! - Scattered clouds with known boundary: [`side_parameters`] for the boundary, [`map_cloud`] for the interior,
 //!   [`correct_shape`], [`triangulate_parameters`] and [`cloud_quality`].
+//! - Scattered clouds with a mesh spanned over them: [`map_spanned`], all of the above for meshes at once.
 //! - Clouds too large for a mesh of their own: [`extend_map`] carries the map of a mesh over a part of them to all points.
 //!
 //! This crate knows nothing about splines and never reads a file.
@@ -26,6 +27,7 @@ mod quality;
 mod sequence;
 mod shape_preserving;
 mod sides;
+mod spanned;
 mod spread;
 mod triangulate;
 mod weights;
@@ -40,6 +42,7 @@ pub use mesh_map::{MeshMap, MeshMapParams, MeshMapReport, map_disk};
 pub use quality::{Distortion, MapQuality, map_quality};
 pub use sequence::{Rule, parameterize_sequence};
 pub use sides::{BoundaryParameters, side_parameters};
+pub use spanned::{SpannedMap, SpannedMapParams, SpannedMapReport, map_spanned};
 pub use spread::{Assessment, CloudQuality, Verdict, Void, cloud_quality};
 pub use triangulate::triangulate_parameters;
 pub use weights::{HALF_TANGENT_LIMIT, Weights};

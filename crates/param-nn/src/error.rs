@@ -38,4 +38,59 @@ pub enum NnError {
         /// The parameter.
         value: [f64; 2],
     },
+    /// A boundary point that cannot be one.
+    #[error("boundary point {index} is row {point} with parameters {parameters:?}; it {problem}")]
+    BadBoundaryPoint {
+        /// Its place among the boundary points.
+        index: usize,
+        /// Its row in the cloud.
+        point: u32,
+        /// Its parameters.
+        parameters: [f64; 2],
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// More points than the network is run on at once.
+    #[error("{given} points are more than {limit}; parameterize a subset and carry its map to the others")]
+    TooManyPoints {
+        /// Number of points.
+        given: usize,
+        /// Largest number.
+        limit: usize,
+    },
+    /// A network gave a parameter that is no number.
+    #[error("the network gave no number for the point in row {row}; use a classical map for this cloud")]
+    NotFinite {
+        /// Row of the point in the cloud.
+        row: usize,
+    },
+    /// A weights file that was cut, changed, or is something else.
+    #[error("a weights file of {bytes} bytes cannot be read: {reason}")]
+    DamagedWeights {
+        /// Its size.
+        bytes: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A weights file that belongs to something else.
+    #[error("the weights file has {what} {found:?}, {required} is required")]
+    OtherWeights {
+        /// What differs.
+        what: &'static str,
+        /// What the file has.
+        found: String,
+        /// What is needed.
+        required: &'static str,
+    },
+    /// Automatic differentiation failed.
+    #[error("training failed at step {step}: {reason}")]
+    Training {
+        /// The step.
+        step: u64,
+        /// What candle says.
+        reason: String,
+    },
+    /// A classical map that the network is compared with failed.
+    #[error(transparent)]
+    Classical(#[from] param_classic::ParamError),
 }

@@ -2,7 +2,7 @@
 
 use ndarray::ArrayView2;
 
-use crate::edges::{DisjointSets, EdgeMap};
+use crate::edges::EdgeMap;
 use crate::pieces::{Pieces, unreferenced_vertices};
 use crate::vec3::{cross, sub, unit};
 use crate::{CloudError, TriangleMesh, check_finite, orient_consistently};
@@ -100,24 +100,10 @@ impl DiskMesh {
 
 /// Checks that the triangles around each vertex form one fan.
 fn check_pinched(mesh: &TriangleMesh, edges: &EdgeMap) -> Result<(), CloudError> {
-    // Corner `3 t + k` is vertex k of triangle t; triangles on both sides of an edge share the corners at its ends.
-    let mut corners = DisjointSets::new(3 * mesh.triangles.len());
-    for edge in edges.iter() {
-        if let [a, b] = edge {
-            for end in a.vertices {
-                let corner = |triangle: u32| {
-                    let k = mesh.triangles[triangle as usize].iter().position(|&v| v == end);
-                    k.map(|k| 3 * triangle + k as u32)
-                };
-                if let (Some(p), Some(q)) = (corner(a.triangle), corner(b.triangle)) {
-                    corners.join(p, q);
-                }
-            }
-        }
-    }
+    let fan_of = crate::repair::fans(mesh, edges);
     let mut fans = vec![0usize; mesh.vertices.nrows()];
     for (corner, &vertex) in mesh.triangles.iter().flatten().enumerate() {
-        if corners.root(corner as u32) == corner as u32 {
+        if fan_of[corner] == corner as u32 {
             fans[vertex as usize] += 1;
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! The way from a raw mesh to the map of `param-classic`: [`merge_duplicate_vertices`], then [`largest_piece`] (or
 //! [`drop_unreferenced`]), then [`DiskMesh::new`], which checks everything a map onto the square relies on, then
-//! [`disk_corners`].
+//! [`disk_corners`]. [`largest_disk`] makes a disk of a mesh that is not quite one.
 //!
 //! The way from an unordered cloud: [`find_outliers`], [`find_stray_pieces`] and [`thin`] where needed, then [`find_boundary`], which
 //! spans a mesh over the cloud; its [`CloudBoundary::disk_mesh`] goes the same way as a raw mesh from there.
@@ -30,6 +30,7 @@ mod orient;
 mod orient_normals;
 mod pieces;
 mod quadric;
+mod repair;
 mod star;
 mod thin;
 pub mod vec3;
@@ -49,4 +50,5 @@ pub use neighbours::Neighbours;
 pub use order_loop::{loop_length, order_loop};
 pub use orient::orient_consistently;
 pub use pieces::{Pieces, SubMesh, drop_unreferenced, largest_piece, unreferenced_vertices};
+pub use repair::{LargestDisk, largest_disk};
 pub use thin::{Thinned, spread_subset, thin};

@@ -3,6 +3,7 @@
 mod batch;
 mod inputs;
 mod lab;
+mod layouts;
 mod models;
 mod results;
 mod scans;

@@ -111,3 +111,22 @@ pub(crate) fn cloud_of(points: &[[f64; 3]]) -> String {
     }
     text
 }
+
+/// Places in the unit square: the outline in steps of `1/side`, then `inside` evenly spread ones, all in shuffled order.
+/// Also tells which are on the outline.
+pub(crate) fn scattered(side: usize, inside: usize) -> Vec<([f64; 2], bool)> {
+    let step = |i: usize| i as f64 / side as f64;
+    let outline = (0..side).flat_map(|i| [[step(i), 0.0], [1.0, step(i)], [1.0 - step(i), 1.0], [0.0, 1.0 - step(i)]]);
+    // A lattice by the golden ratio, a little away from the outline.
+    let spread = |i: usize| [(i as f64 * 0.618_033_988_749_895).fract(), (i as f64 + 0.5) / inside as f64];
+    let inner = (0..inside).map(spread).map(|p| p.map(|x| 0.02 + 0.96 * x));
+    let all: Vec<_> = outline.map(|p| (p, true)).chain(inner.map(|p| (p, false))).collect();
+    // A stride that has no factor in common with the number of points visits each once.
+    let stride = (all.len() / 3..).find(|&s| (2..=s).all(|f| s % f != 0 || all.len() % f != 0)).unwrap();
+    (0..all.len()).map(|i| all[i * stride % all.len()]).collect()
+}
+
+/// Rows `x y z` of points of the surface.
+pub(crate) fn rows(places: &[([f64; 2], bool)]) -> String {
+    places.iter().map(|([x, y], _)| surface(*x, *y).map(|c| c.to_string()).join(" ") + "\n").collect()
+}

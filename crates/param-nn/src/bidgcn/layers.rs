@@ -146,7 +146,7 @@ impl<T: Real> Normalized<T> {
         add_column_sums(&mut mean, &x);
         mean.iter_mut().for_each(|m| *m = T::from_f64(0.0) - *m * share);
         add_row(&mut x, &mean);
-        let mut variance = zeros(width);
+        let mut variance: Vec<T> = zeros(width);
         let mut result = zeros(x.len());
         let mut inverse_deviation = zeros(width);
         vectorized(
@@ -156,7 +156,8 @@ impl<T: Real> Normalized<T> {
                     variance.iter_mut().zip(row).for_each(|(v, x)| *v += *x * *x);
                 }
                 for (inverse, v) in inverse_deviation.iter_mut().zip(&variance) {
-                    *inverse = T::from_f64(1.0) / (*v * share + T::from_f64(VARIANCE_FLOOR)).root();
+                    let floored: T = *v * share + T::from_f64(VARIANCE_FLOOR);
+                    *inverse = T::from_f64(1.0) / floored.root();
                 }
                 let zero = T::from_f64(0.0);
                 for (row, out) in x.chunks_exact_mut(width).zip(result.chunks_exact_mut(width)) {
@@ -260,7 +261,8 @@ impl<T: Real> Messages<T> {
                     }
                 }
                 for k in 0..WIDTH {
-                    inverse[k] = T::from_f64(1.0) / (variance[k] + T::from_f64(VARIANCE_FLOOR)).root();
+                    let floored: T = variance[k] + T::from_f64(VARIANCE_FLOOR);
+                    inverse[k] = T::from_f64(1.0) / floored.root();
                 }
                 for row in rows_mut(&mut targets).iter_mut().chain(rows_mut(&mut sources)) {
                     for k in 0..WIDTH {

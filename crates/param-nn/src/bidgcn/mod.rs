@@ -1,8 +1,12 @@
 //! BIDGCN: parameters of scattered clouds from points and boundary (Imperatore 2024, §4.3).
 
+pub(crate) mod cloud;
 mod frame;
 mod layers;
-mod layout;
-mod network;
+pub(crate) mod layout;
+pub(crate) mod model;
+pub(crate) mod network;
+pub(crate) mod op;
 
 pub use layout::Variant;
+pub use model::{Bidgcn, LARGEST_CLOUD};

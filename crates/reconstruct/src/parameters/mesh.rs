@@ -3,7 +3,8 @@
 use geom_io::Scan;
 use param_classic::{InjectiveParams, MeshMapParams, Verdict, Weights, map_disk, refine_injective};
 use point_cloud::{
-    CornerChoice, DiskMesh, TriangleMesh, drop_unreferenced, merge_duplicate_vertices, unreferenced_vertices,
+    CloudError, CornerChoice, DiskMesh, Pieces, TriangleMesh, drop_unreferenced, largest_piece,
+    merge_duplicate_vertices, unreferenced_vertices,
 };
 
 use super::cloud::Cloud;
@@ -11,8 +12,11 @@ use super::{Layout, corners_among, large};
 use crate::parameter_options::{ParameterChoice, Refine};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
-/// Maps a mesh. One that is no disk is taken as a cloud of its vertices; if that cannot be laid out either, the error is
-/// the mesh's.
+/// Share of the triangles up to which pieces besides the largest are stray and left out.
+const STRAY: f64 = 0.02;
+
+/// Maps a mesh. One whose triangles are joined wrongly is taken as a cloud of its vertices; if that cannot be laid out
+/// either, the error is the mesh's.
 pub(super) fn lay_out_or_take_vertices(
     scan: Scan,
     rows: &[u32],
@@ -36,6 +40,9 @@ pub(super) fn lay_out_or_take_vertices(
         }
         Err(reason) => reason,
     };
+    if !spoils_edges_only(&no_disk) {
+        return Err(no_disk);
+    }
     let TriangleMesh { vertices, triangles } = mesh;
     let cloud = Cloud { points: vertices, boundary: None, corners: given_corners };
     let Ok(mut layout) = large::lay_out(cloud, ParameterChoice::Auto, options, watch) else {
@@ -61,11 +68,36 @@ fn disk_of(mesh: &TriangleMesh) -> Result<(DiskMesh, Vec<u32>, Vec<String>), Err
         kept = part.kept.iter().map(|&at| kept[at]).collect();
         merged = part.mesh;
     }
+    let sizes = Pieces::find(&merged)?.sizes;
+    let triangles: usize = sizes.iter().sum();
+    if sizes.len() > 1 && (triangles - sizes[0]) as f64 <= STRAY * triangles as f64 {
+        warnings.push(format!(
+            "{} stray pieces of the mesh with {} triangles were left out",
+            sizes.len() - 1,
+            triangles - sizes[0]
+        ));
+        let part = largest_piece(&merged)?;
+        kept = part.kept.iter().map(|&at| kept[at]).collect();
+        merged = part.mesh;
+    }
     let disk = DiskMesh::new(merged)?;
     if disk.flipped() > 0 {
         warnings.push(format!("{} triangles were turned over to agree with their neighbours", disk.flipped()));
     }
     Ok((disk, kept, warnings))
+}
+
+/// Whether a mesh is no disk because of how its triangles are joined, so that its vertices may still be of one.
+fn spoils_edges_only(reason: &Error) -> bool {
+    matches!(
+        reason,
+        Error::Cloud(
+            CloudError::PinchedVertices { .. }
+                | CloudError::NonManifoldEdges { .. }
+                | CloudError::Handles { .. }
+                | CloudError::NotOrientable { .. }
+        )
+    )
 }
 
 /// Vertices of the cleaned mesh at points of the given one; of equal vertices the first stayed.

@@ -1,0 +1,137 @@
+//! Trained networks: files, and the parameters they give.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ndarray::{Array2, ArrayView2};
+
+use super::cloud::Cloud;
+use super::layout::{Layout, Variant};
+use super::network::forward;
+use crate::archive::Archive;
+use crate::error::NnError;
+
+/// Version of the weights' format; others are refused.
+const VERSION: &str = "1";
+
+/// Most points that are read at once: the graphs compare all pairs of points, and time grows with the square.
+pub const LARGEST_CLOUD: usize = 10_000;
+
+/// A network that parameterizes scattered clouds (Imperatore 2024, §4.3).
+#[derive(Clone, Debug)]
+pub struct Bidgcn {
+    pub(crate) layout: Arc<Layout>,
+    pub(crate) variant: Variant,
+    pub(crate) frame: bool,
+    pub(crate) theta: Vec<f32>,
+    pub(crate) notes: BTreeMap<String, String>,
+}
+
+impl Bidgcn {
+    /// A network from the bytes of a weights file.
+    ///
+    /// # Errors
+    /// [`NnError::DamagedWeights`], [`NnError::OtherWeights`].
+    pub fn load(bytes: &[u8]) -> Result<Self, NnError> {
+        Self::of_archive(Archive::from_bytes(bytes)?)
+    }
+
+    pub(crate) fn of_archive(mut archive: Archive) -> Result<Self, NnError> {
+        let mut take = |name: &'static str| archive.metadata.remove(name).unwrap_or_default();
+        let (version, architecture, frame) = (take("version"), take("architecture"), take("frame"));
+        let other = |what, found: String, required: &'static str| Err(NnError::OtherWeights { what, found, required });
+        if version != VERSION {
+            return other("format version", version, VERSION);
+        }
+        let Some(variant) = [Variant::Bidgcn, Variant::Dgcnn].into_iter().find(|v| v.name() == architecture) else {
+            return other("architecture", architecture, "bidgcn or dgcnn");
+        };
+        let frame = match frame.as_str() {
+            "boundary" => true,
+            "none" => false,
+            _ => return other("frame", frame, "boundary or none"),
+        };
+        let layout = Layout::new(variant);
+        let mut theta = vec![0.0; layout.len()];
+        for slot in layout.slots() {
+            match archive.tensors.remove(&slot.name) {
+                Some((shape, values)) if shape == slot.shape && values.iter().all(|x| x.is_finite()) => {
+                    theta[slot.range.clone()].copy_from_slice(&values);
+                }
+                found => {
+                    let found = found.map_or("nothing".into(), |(shape, _)| format!("shape {shape:?}"));
+                    return other("tensors", format!("{}: {found}", slot.name), "finite numbers in the shape of the network");
+                }
+            }
+        }
+        Ok(Self { layout: Arc::new(layout), variant, frame, theta, notes: archive.metadata })
+    }
+
+    /// The bytes of a weights file: safetensors, with the architecture, a checksum and the notes as metadata.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.to_archive().to_bytes()
+    }
+
+    pub(crate) fn to_archive(&self) -> Archive {
+        let mut metadata = self.notes.clone();
+        let frame = if self.frame { "boundary" } else { "none" };
+        for (name, value) in [("version", VERSION), ("architecture", self.variant.name()), ("frame", frame)] {
+            metadata.insert(name.into(), value.into());
+        }
+        let tensor = |slot: &super::layout::Slot| {
+            (slot.name.clone(), (slot.shape, self.theta[slot.range.clone()].to_vec()))
+        };
+        Archive { metadata, tensors: self.layout.slots().iter().map(tensor).collect() }
+    }
+
+    /// The network or its ablation.
+    pub fn variant(&self) -> Variant {
+        self.variant
+    }
+
+    /// Number of trained weights.
+    pub fn weights(&self) -> usize {
+        self.theta.len()
+    }
+
+    /// What the file says about its making: command, seed, steps.
+    pub fn notes(&self) -> &BTreeMap<String, String> {
+        &self.notes
+    }
+
+    /// Parameters of a cloud `points`, shape `(m, 3)`, in any units: shape `(m, 2)`, in the unit square. The points in the
+    /// rows `boundary` have the parameters `boundary_parameters`, shape `(boundary.len(), 2)`, on the boundary of the
+    /// square, and keep them.
+    ///
+    /// The result does not depend on the rotation of the cloud, up to round-off of single precision, nor on the number of
+    /// threads. Nothing guarantees that the map has no folds: check it, and fall back where it has.
+    ///
+    /// # Errors
+    /// [`NnError::TooManyPoints`] above [`LARGEST_CLOUD`]; clouds that are no surface; [`NnError::WrongShape`];
+    /// [`NnError::BadBoundaryPoint`]; [`NnError::NotFinite`] where the network breaks down.
+    pub fn predict(
+        &self,
+        points: ArrayView2<'_, f64>,
+        boundary: &[u32],
+        boundary_parameters: ArrayView2<'_, f64>,
+    ) -> Result<Array2<f64>, NnError> {
+        if points.nrows() > LARGEST_CLOUD {
+            return Err(NnError::TooManyPoints { given: points.nrows(), limit: LARGEST_CLOUD });
+        }
+        let cloud = Cloud::new(points, boundary, boundary_parameters)?;
+        if cloud.interior == 0 {
+            return Ok(cloud.scattered(&[]));
+        }
+        let uv = self.interior_parameters(&cloud);
+        if let Some(index) = uv.iter().position(|uv| !uv.iter().all(|x| x.is_finite())) {
+            return Err(NnError::NotFinite { row: cloud.rows[index] });
+        }
+        Ok(cloud.scattered(&uv))
+    }
+
+    pub(crate) fn interior_parameters(&self, cloud: &Cloud) -> Vec<[f64; 2]> {
+        let (logits, _) = forward(&self.layout, &self.theta, &cloud.input::<f32>(self.frame), None);
+        let sigmoid = |x: f32| 1.0 / (1.0 + (-f64::from(x)).exp());
+        logits.as_chunks::<2>().0.iter().map(|pair| pair.map(sigmoid)).collect()
+    }
+}
