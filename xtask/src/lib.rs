@@ -3,6 +3,7 @@
 pub mod generate;
 pub mod tables;
 pub mod tidy;
+pub mod train;
 
 use std::path::{Path, PathBuf};
 

@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
-use param_nn::ScatteredSpec;
+use param_nn::{ScatteredSpec, TrainOptions, Variant};
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
 use xtask::generate::{fixtures, scattered};
+use xtask::train::Run;
 use xtask::{tables, tidy, workspace_root};
 
 /// Chores of the repository.
@@ -22,6 +23,9 @@ enum Arguments {
     /// Compute published tables anew and write them to docs/results.
     #[command(subcommand)]
     Tables(Tables),
+    /// Train a network.
+    #[command(subcommand)]
+    Train(Train),
 }
 
 #[derive(Subcommand)]
@@ -81,6 +85,37 @@ enum Generate {
 }
 
 #[derive(Subcommand)]
+enum Train {
+    /// BIDGCN, which parameterizes scattered clouds. Run it in one thread: RAYON_NUM_THREADS=1.
+    Bidgcn {
+        /// Steps, one cloud each.
+        #[arg(long)]
+        steps: u64,
+        /// Largest learning rate.
+        #[arg(long, default_value_t = 3e-3)]
+        rate: f64,
+        /// Seed of weights and clouds.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// The form as published: points are not turned into the frame of the boundary.
+        #[arg(long)]
+        plain: bool,
+        /// The ablation without the boundary-informed input layer (DGCNN).
+        #[arg(long)]
+        ablation: bool,
+        /// The folder of the run: checkpoint, weights, log and curve.
+        #[arg(long)]
+        out: PathBuf,
+        /// Go on from the checkpoint in the folder; all other options are then taken from it.
+        #[arg(long)]
+        resume: bool,
+        /// Minutes between checkpoints.
+        #[arg(long, default_value_t = 3.0)]
+        minutes: f64,
+    },
+}
+
+#[derive(Subcommand)]
 enum Tables {
     /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
     Classical {
@@ -97,6 +132,14 @@ enum Tables {
 fn main() -> Result<()> {
     let root = workspace_root();
     match Arguments::parse() {
+        Arguments::Train(Train::Bidgcn { steps, rate, seed, plain, ablation, out, resume, minutes }) => {
+            let variant = if ablation { Variant::Dgcnn } else { Variant::Bidgcn };
+            let options = TrainOptions { variant, frame: !plain, steps, rate, seed };
+            let flags = [(plain, " --plain"), (ablation, " --ablation")];
+            let flags: String = flags.into_iter().filter_map(|(set, flag)| set.then_some(flag)).collect();
+            let command = format!("cargo xtask train bidgcn --steps {steps} --rate {rate} --seed {seed}{flags}");
+            Run { options, out, resume, minutes, command }.train(|line| println!("{line}"))?;
+        }
         Arguments::Tables(Tables::Classical { data, out }) => {
             let path = out.unwrap_or_else(|| root.join("docs/results/classical.md"));
             let text = tables::classical::document(data.as_deref())?;

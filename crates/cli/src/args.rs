@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use reconstruct::{
-    BoundaryRule, Clean, Crop, Domain, Energy, FitOptions, Format, GivenCorners, LambdaChoice, LengthUnit, Mark,
-    Method, Pair, ParameterChoice, ParameterOptions, RadiusChoice, ReadOptions, Refine, Tolerance,
+    BlendChoice, BoundaryChoice, Clean, Crop, Domain, Energy, FitOptions, Format, GivenCorners, LambdaChoice,
+    LengthUnit, Mark, Method, Pair, ParameterChoice, ParameterOptions, RadiusChoice, ReadOptions, Refine, SideRule,
+    Tolerance,
 };
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
@@ -120,9 +121,22 @@ pub(crate) struct FitArgs {
     #[command(flatten)]
     layout: LayoutArgs,
 
-    /// Fitting method: ls (penalized least squares with fixed parameters).
+    /// Fitting method: ls (fixed parameters), or parameters that move together with the surface: a-pdm, a-tdm, a-hdm (in
+    /// turn), j-pdm, joint (at once).
     #[arg(long, default_value_t = FitOptions::default().method, help_heading = "What is fitted")]
     method: Method,
+    /// Corrections of the parameters after each refinement, for a-pdm, a-tdm and a-hdm.
+    #[arg(long, default_value_t = FitOptions::default().corrections, help_heading = "What is fitted")]
+    corrections: usize,
+    /// Weight of the point distance in a-hdm: error, curvature, or a number from 0 to 1.
+    #[arg(long, default_value_t = FitOptions::default().blend, help_heading = "What is fitted")]
+    blend: BlendChoice,
+    /// Relative damping of the steps of a-tdm.
+    #[arg(long, default_value_t = FitOptions::default().damping, help_heading = "What is fitted")]
+    damping: f64,
+    /// Points on the boundary of the square, while parameters move: kept (on their side) or free.
+    #[arg(long, default_value_t = FitOptions::default().boundary, help_heading = "What is fitted")]
+    boundary: BoundaryChoice,
     /// Degree, for both directions or as U,V; 1 to 8.
     #[arg(long, default_value_t = FitOptions::default().degree, help_heading = "What is fitted")]
     degree: Pair,
@@ -181,6 +195,10 @@ impl FitArgs {
         FitOptions {
             parameters: self.layout.options(),
             method: self.method,
+            corrections: self.corrections,
+            blend: self.blend,
+            damping: self.damping,
+            boundary: self.boundary,
             degree: self.degree,
             mesh: self.mesh,
             lambda: self.lambda,
@@ -261,10 +279,10 @@ pub(crate) struct LayoutArgs {
     /// A text file that names the points of the outer boundary by their rows, from 0. A column `boundary` of a CSV file,
     /// 0 for inside, does the same. [default: found]
     #[arg(long, value_name = "FILE", help_heading = "How it is laid out")]
-    boundary: Option<PathBuf>,
+    outline: Option<PathBuf>,
     /// How the points of a side are spread over it: chord, centripetal or uniform.
-    #[arg(long, default_value_t = ParameterOptions::default().boundary_rule, help_heading = "How it is laid out")]
-    boundary_rule: BoundaryRule,
+    #[arg(long, default_value_t = ParameterOptions::default().side_rule, help_heading = "How it is laid out")]
+    side_rule: SideRule,
     /// Radius of the neighbourhoods of uniform, recd and lpsp: grow (until every point has a path to the boundary), auto
     /// (3/√m of the extent) or a length.
     #[arg(long, default_value_t = ParameterOptions::default().radius, help_heading = "How it is laid out")]
@@ -289,8 +307,8 @@ impl LayoutArgs {
             param: self.param,
             domain: self.domain,
             corners: self.corners,
-            boundary: self.boundary.clone(),
-            boundary_rule: self.boundary_rule,
+            outline: self.outline.clone(),
+            side_rule: self.side_rule,
             radius: self.radius,
             refine: self.refine,
             subset: self.subset,

@@ -3,7 +3,8 @@
 //!     compare cloud.csv degree=2 elements=4x4 lambda=1e-7 tolerance=5e-5 methods=fixed,a-pdm:1,joint:20
 //!
 //! The file has the columns u, v, x, y, z. Further settings: `extension` (2), `iterations` (20), `levels`, `dofs`,
-//! `share` (of the points to refine for, 0 for all beyond the tolerance), `boundary` (kept or free), `guard` (on or off).
+//! `share` (of the points to refine for, 0 for all beyond the tolerance), `boundary` (kept or free), `guard` (on or off),
+//! `barrier` (on or off: against folding the Delaunay triangles of the parameters), `moves` (on to print what moved).
 //! Methods: `fixed`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ), `joint:steps:decrease:polish:emphasis`,
 //! `j-pdm:a`, `j-pdm:b`, `j-pdm:η:K`.
 
@@ -17,6 +18,7 @@ use adaptive::{Iteration, Marking, Outcome, Solve, run};
 use fit_ls::{Lambda, LeastSquares};
 use moving_param::{Blend, Boundary, Distance, JointOptions, Method, MovingFit, Options, Schedule};
 use ndarray::{Array2, Axis};
+use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
 use thb_core::{HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement};
 
 type Failure = Box<dyn Error>;
@@ -64,13 +66,20 @@ fn main() -> Result<(), Failure> {
         }
         let options = Options { method: parse(name)?, boundary, tolerance, guard, ..Options::default() };
         let mut method = MovingFit::new(parameters.view(), points.view(), None, fitting.clone(), options)?;
-        if let Some(triangles) = settings.get("triangles") {
-            method = method.with_triangles(&corners(&std::fs::read_to_string(triangles)?)?)?;
+        if text("barrier", "off") == "on" {
+            method = method.with_triangles(&delaunay(&parameters)?)?;
         }
         finish(&mut method, &space, &adaptive, clock)?;
         if text("moves", "off") == "on" {
             for moves in method.reports() {
                 println!("    {moves:?}");
+            }
+            let points = method.points();
+            if let Ok(list) = std::env::var("DBG") {
+                for at in list.split(',').filter_map(|x| x.parse::<usize>().ok()) {
+                    let i = points.order()[at] as usize;
+                    println!("{at} index {i} start {:?} now {:?}", parameters.row(i).to_vec(), points.parameter(at));
+                }
             }
         }
     }
@@ -92,7 +101,12 @@ where
         println!("  {:2} {:6} dofs, MAX {:.3e}, MSE {:.3e}, within {:.4}, {seconds:.2} s", i.iteration, i.dofs, d.max, d.mse, d.within);
         ControlFlow::Continue(())
     };
-    let Outcome { stop, failure, .. } = run(method, space.clone(), options, &mut print)?;
+    let Outcome { map, stop, failure, .. } = run(method, space.clone(), options, &mut print)?;
+    if std::env::var("DBG").is_ok() {
+        let e = method.estimate(&map)?;
+        let bad: Vec<usize> = (0..e.errors.len()).filter(|&i| e.errors[i] > options.tolerance).collect();
+        println!("{bad:?} {:?}", bad.iter().map(|&i| e.errors[i]).collect::<Vec<_>>());
+    }
     println!("  {} {}", stop.name(), failure.map_or(String::new(), |e| e.to_string()));
     Ok(())
 }
@@ -137,11 +151,20 @@ fn read(text: &str) -> Result<(Array2<f64>, Array2<f64>), Failure> {
     Ok((parameters.to_owned(), points.to_owned()))
 }
 
-/// Three indices a line.
-fn corners(text: &str) -> Result<Vec<[u32; 3]>, Failure> {
-    let row = |line: &str| -> Result<[u32; 3], Failure> {
-        let values = line.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>()?;
-        values.try_into().map_err(|_| "a triangle has three corners".into())
-    };
-    text.lines().map(row).collect()
+/// A point of the parameter plane with its index.
+struct Vertex(Point2<f64>, u32);
+
+impl HasPosition for Vertex {
+    type Scalar = f64;
+
+    fn position(&self) -> Point2<f64> {
+        self.0
+    }
+}
+
+/// The Delaunay triangles of the parameters.
+fn delaunay(parameters: &Array2<f64>) -> Result<Vec<[u32; 3]>, Failure> {
+    let vertices = parameters.outer_iter().enumerate().map(|(i, u)| Vertex(Point2::new(u[0], u[1]), i as u32)).collect();
+    let triangulation = DelaunayTriangulation::<Vertex>::bulk_load_stable(vertices)?;
+    Ok(triangulation.inner_faces().map(|face| face.vertices().map(|v| v.data().1)).collect())
 }

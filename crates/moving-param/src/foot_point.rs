@@ -164,6 +164,28 @@ pub(crate) fn foot_points_from<const D: usize>(
     Ok(result)
 }
 
+/// Foot points of some sorted points, given by position, that start from the nearest samples of the map as well. What is
+/// constrained starts from its present parameter only. Parameters and cells, one per position.
+pub(crate) fn seek_anew<const D: usize>(
+    map: &SplineMap<D>,
+    points: &SortedPoints<D>,
+    positions: &[usize],
+    constraints: &Constraints<D>,
+    options: &FootPointOptions,
+) -> Result<Vec<([f64; D], u32)>, Error> {
+    check(map, points)?;
+    let search = Search::new(map, options)?;
+    let offsets = points.offsets();
+    let of = |&at: &usize| {
+        let cell = offsets.partition_point(|&o| o <= at) - 1;
+        let mut patch = Patch::new(search.map, cell);
+        let free = constraints.free(points.order()[at] as usize);
+        let found = search.find(&mut patch, &point(points, at), cell, points.parameter(at), free);
+        (found.u, found.cell as u32)
+    };
+    Ok(positions.par_iter().map(of).collect())
+}
+
 /// A range of points whose foot points are sought.
 struct Chunk<'a, const D: usize> {
     search: &'a Search<'a, D>,
@@ -266,6 +288,12 @@ impl<'a, const D: usize> Search<'a, D> {
             let (cell, u) = samples.nearest(point);
             best = nearer(best, self.descend(patch, point, cell, u, free));
         }
+        if let (Some(samples), false) = (&self.samples, unconstrained)
+            && free.iter().filter(|f| **f).count() == 1
+        {
+            let (cell, u) = self.nearest_along(patch, point, u, free, samples.per_line);
+            best = nearer(best, self.descend(patch, point, cell, u, free));
+        }
         if let Some(global) = self.global.as_ref().filter(|_| unconstrained) {
             let found = global.closest_from(&point[..self.map.dim()], best.cell, best.u);
             best = nearer(best, Found { u: found.u, cell: found.cell, squared: found.distance.powi(2), steps: 0 });
@@ -277,6 +305,30 @@ impl<'a, const D: usize> Search<'a, D> {
         if patch.cell() != cell {
             patch.load(self.map, cell);
         }
+    }
+
+    /// The nearest of samples along the only free direction of a point of a side.
+    fn nearest_along(
+        &self,
+        patch: &mut Patch<D>,
+        point: &Vector,
+        u: [f64; D],
+        free: [bool; D],
+        samples: usize,
+    ) -> (usize, [f64; D]) {
+        let (lower, upper) = self.domain;
+        let mut best = (patch.cell(), u, f64::INFINITY);
+        for i in 0..samples {
+            let share = (i as f64 + 0.5) / samples as f64;
+            let at = std::array::from_fn(|d| if free[d] { lower[d] + share * (upper[d] - lower[d]) } else { u[d] });
+            self.enter(patch, self.cell_of(patch, at));
+            let residual = difference(&patch.first_jet(at).value, point);
+            let squared = dot(&residual, &residual);
+            if squared < best.2 {
+                best = (patch.cell(), at, squared);
+            }
+        }
+        (best.0, best.1)
     }
 
     /// The cell of a parameter within the domain, given the present one.
@@ -513,8 +565,13 @@ pub(crate) fn solve_positive<const D: usize>(
     Some(x)
 }
 
+/// Most samples along a side.
+const MOST_PER_LINE: usize = 512;
+
 /// Samples of a map, searched for the nearest.
 struct Samples<const D: usize> {
+    /// Samples along a line across the whole domain.
+    per_line: usize,
     tree: ImmutableKdTree<f64, MAX_DIM>,
     at: Vec<(u32, [f64; D])>,
 }
@@ -539,7 +596,10 @@ impl<const D: usize> Samples<D> {
             })
             .unzip();
         let failed = |_| Error::Shape { what: "samples of the map", given: 0, expected: 1 };
-        Ok(Self { tree: ImmutableKdTree::new_from_slice(&images).map_err(failed)?, at })
+        let tree = ImmutableKdTree::new_from_slice(&images).map_err(failed)?;
+        // As if all cells lay on one line, which is more than enough.
+        let per_line = (count * map.n_cells()).min(MOST_PER_LINE);
+        Ok(Self { per_line, tree, at })
     }
 
     fn nearest(&self, point: &Vector) -> (usize, [f64; D]) {

@@ -7,7 +7,7 @@
 
 use thb_core::{CellSpace, SplineMap};
 
-use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from};
+use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from, seek_anew};
 use crate::frame::{Frame, Share, columns, frames};
 use crate::moving::{Moves, MovingFit, count};
 use crate::patch::dot;
@@ -29,11 +29,17 @@ const LEAST_DAMPING: f64 = 1e-6;
 /// Beyond this damping a step is one of point distances: if that does not lower the objective nothing will.
 const MOST_DAMPING: f64 = 1e4;
 
+/// Steps in a row that lower the objective too little, after which the descent ends.
+const SLOW_STEPS: usize = 2;
+
+/// Samples per direction and cell among which the start of a stray point is sought.
+const STRAY_SAMPLES: usize = 4;
+
 /// Steps between two changes of the emphasis.
 const STEPS_PER_ROUND: usize = 2;
 
 /// Share of points outside the tolerance up to which emphasis pays: beyond it the space is too coarse.
-const FEW: f64 = 0.05;
+const FEW: f64 = 0.02;
 
 /// Largest factor of a point's weight in one round of emphasis, and over all rounds.
 const EMPHASIS: (f64, f64) = (4.0, 1e4);
@@ -57,6 +63,7 @@ impl<const D: usize> MovingFit<D> {
             if outside == 0 || outside as f64 > FEW * weights.len() as f64 {
                 break;
             }
+            self.free_strays(&map, moves)?;
             let distances = self.fit.distances(&map)?.to_vec();
             let given = self.weights.as_deref();
             for (&distance, &index) in distances.iter().zip(self.fit.points().order()) {
@@ -76,6 +83,26 @@ impl<const D: usize> MovingFit<D> {
         Ok(map)
     }
 
+    /// Points outside the tolerance may hang at a foot point that is no longer the nearest: they are sought anew.
+    fn free_strays(&mut self, map: &SplineMap<D>, moves: &mut Moves) -> Result<(), Error> {
+        let tolerance = self.options.tolerance;
+        let distances = self.fit.distances(map)?;
+        let strays: Vec<usize> = (0..distances.len()).filter(|&at| distances[at] > tolerance).collect();
+        let options = FootPointOptions { start: Start::Both(STRAY_SAMPLES), ..self.options.foot_points };
+        let points = self.fit.points();
+        let found = seek_anew(map, points, &strays, &self.constraints(), &options)?;
+        let mut parameters: Vec<[f64; D]> = (0..points.len()).map(|at| points.parameter(at)).collect();
+        let mut cells: Vec<u32> = Vec::with_capacity(points.len());
+        for (cell, ends) in points.offsets().windows(2).enumerate() {
+            cells.resize(ends[1], cell as u32);
+        }
+        for (&at, (u, cell)) in strays.iter().zip(found) {
+            (parameters[at], cells[at]) = (u, cell);
+        }
+        self.hold(map, &mut parameters, &mut cells, moves)?;
+        Ok(self.fit.relocate(&parameters, &cells)?)
+    }
+
     /// At most `max_steps` steps with weights given by index.
     fn descend(
         &mut self,
@@ -89,6 +116,7 @@ impl<const D: usize> MovingFit<D> {
     ) -> Result<SplineMap<D>, Error> {
         let space = map.space().clone();
         let constraints = self.constraints();
+        let mut slow = 0;
         'steps: for _ in 0..max_steps {
             let points = self.fit.points();
             let frames = frames(&map, points)?;
@@ -122,7 +150,9 @@ impl<const D: usize> MovingFit<D> {
                     break 'steps;
                 }
             };
-            if lowered < options.decrease {
+            // One short step may be due to damping; two in a row are not.
+            slow = if lowered < options.decrease { slow + 1 } else { 0 };
+            if slow == SLOW_STEPS {
                 break;
             }
         }

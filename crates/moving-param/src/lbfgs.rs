@@ -294,3 +294,49 @@ impl<const D: usize> WithSimd for Pass<'_, '_, D> {
         part
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Boundary;
+    use thb_core::{Kind, KnotVector, Refinement, SymmetricPattern, ThinPlate};
+
+    #[test]
+    fn the_gradient_is_the_limit_of_differences() {
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let knots = KnotVector::uniform(3, 3).unwrap();
+        let space = HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap();
+        let space = Arc::new(space.refine(&[4], &Refinement { extension: [2; 2], ..Refinement::default() }).unwrap());
+        // A weighted cloud with points on two sides.
+        let parameters =
+            Array2::from_shape_fn((60, 2), |(i, d)| if i % 6 == 0 && d == 0 { 1.0 } else { random() });
+        let targets = Array2::from_shape_simple_fn((60, 3), &mut random);
+        let weights = ndarray::Array1::from_shape_simple_fn(60, || 0.5 + random());
+        let mut points = SortedPoints::new(parameters.view(), targets.view(), Some(weights.view())).unwrap();
+        points.sort_refined(&space, None).unwrap();
+        let energy = ThinPlate::new([3; 2], thb_core::Quadrature::Exact);
+        let energy = energy.gram(space.as_ref(), &SymmetricPattern::new(space.as_ref())).unwrap();
+        let map = SplineMap::new(space.clone(), Array2::from_shape_simple_fn((space.n_functions(), 3), &mut random));
+        let map = map.unwrap();
+        let constraints = Constraints::new(parameters.view(), space.domain(), Boundary::Kept);
+        let problem = Problem::new(&map, &points, constraints, energy, 1e-3).unwrap();
+        let at = problem.pack(&map);
+        assert_eq!(at.len(), 3 * space.n_functions() + 2 * 60 - 10);
+        let (_, gradient) = problem.evaluate(&at).unwrap();
+        let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+        let step = 1e-6;
+        for k in 0..at.len() {
+            let cost = |sign: f64| {
+                let mut moved = at.clone();
+                moved[k] += sign * step;
+                problem.evaluate(&moved).unwrap().0
+            };
+            let difference = (cost(1.0) - cost(-1.0)) / (2.0 * step);
+            assert!((difference - gradient[k]).abs() < 1e-6 * largest, "unknown {k}: {difference} {}", gradient[k]);
+        }
+    }
+}

@@ -90,7 +90,7 @@ pub struct JointOptions {
 
 impl Default for JointOptions {
     fn default() -> Self {
-        Self { max_steps: 20, decrease: 1e-2, polish: 1, emphasis: 5 }
+        Self { max_steps: 10, decrease: 3e-2, polish: 2, emphasis: 2 }
     }
 }
 

@@ -38,7 +38,7 @@ pub enum InjectiveStop {
     Converged,
     /// All iterations are used; more may lower the energy further.
     Iterations,
-    /// No step lowers the energy: round-off in thin triangles. The map is as good as it gets.
+    /// No step is found that lowers the energy: round-off in thin triangles. The map is as good as it gets.
     NoStep,
 }
 
@@ -130,8 +130,10 @@ pub fn refine_injective(
     let energy_before = energy(&problem.triangles, &at, stretch);
     let (mut current, mut iterations, mut stop) = (energy_before, 0, InjectiveStop::Iterations);
     while iterations < params.iterations {
-        let (step, slope) = problem.direction(&at, stretch)?;
-        let Some(next) = problem.search(&at, &step, slope, stretch, current) else {
+        // A matrix that is not definite to round-off is as good a reason to stop as a step that does not help.
+        let direction = problem.direction(&at, stretch).inspect_err(|reason| tracing::debug!(%reason, "no direction"));
+        let next = direction.ok().and_then(|(step, slope)| problem.search(&at, &step, slope, stretch, current));
+        let Some(next) = next else {
             stop = InjectiveStop::NoStep;
             break;
         };

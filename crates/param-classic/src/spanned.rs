@@ -86,9 +86,7 @@ pub fn map_spanned(
     let (map, parameters, refinement) = loop {
         let map = map_disk(&disk, &MeshMapParams { corners: on_mesh(params.map.corners, &rows)?, ..params.map })?;
         let refined = match &params.refinement {
-            Some(options) => {
-                Some(refine_injective(disk.vertices(), disk.triangles(), map.parameters.view(), options)?)
-            }
+            Some(options) => Some(refine_injective(disk.vertices(), disk.triangles(), map.parameters.view(), options)?),
             None => None,
         };
         let (uv, refinement) = match refined {
@@ -134,13 +132,13 @@ pub fn map_spanned(
 
 /// Given corners, as vertices of the mesh over `rows`.
 fn on_mesh(corners: CornerChoice, rows: &[usize]) -> Result<CornerChoice, CloudError> {
-    let CornerChoice::Vertices(given) = corners else { return Ok(corners) };
+    let CornerChoice::Given(given) = corners else { return Ok(corners) };
     let mut vertices = [0; 4];
     for (vertex, row) in vertices.iter_mut().zip(given) {
         let place = rows.binary_search(&(row as usize));
         *vertex = place.map_err(|_| CloudError::CornerNotOnLoop { vertex: row })? as u32;
     }
-    Ok(CornerChoice::Vertices(vertices))
+    Ok(CornerChoice::Given(vertices))
 }
 
 /// Whether each triangle has less than `1 / most` of its share of the surface in the square. Triangles that collapsed into a
@@ -155,9 +153,8 @@ fn shrunk_triangles(disk: &DiskMesh, uv: ArrayView2<'_, f64>, most: f64) -> Vec<
             [norm(cross(sub(q, p), sub(r, p))), norm(cross(sub(b, a), sub(c, a)))]
         })
         .collect();
-    let on_one_side = |t: &[u32; 3]| {
-        (0..2).any(|k| [0.0, 1.0].iter().any(|x| t.iter().all(|&v| uv[[v as usize, k]] == *x)))
-    };
+    let on_one_side =
+        |t: &[u32; 3]| (0..2).any(|k| [0.0, 1.0].iter().any(|x| t.iter().all(|&v| uv[[v as usize, k]] == *x)));
     let total: [f64; 2] = [0, 1].map(|k| areas.iter().map(|a| a[k]).sum());
     areas
         .iter()

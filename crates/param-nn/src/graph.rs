@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::real::{matrix, product};
+use crate::real::{matrix, product, vectorized};
 
 /// Rows whose products with all points are formed at once: a block of 64 rows by 10⁴ points takes 2.5 MB.
 const BLOCK: usize = 64;
@@ -113,7 +113,7 @@ impl Nearest {
     }
 
     fn search(&mut self, square: f32, products: &[f32], squares: &[f32], bound: f32) {
-        pulp::Arch::new().dispatch(
+        vectorized(
             #[inline(always)]
             || self.search_lanes(square, products, squares, bound),
         );

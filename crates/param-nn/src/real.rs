@@ -3,6 +3,7 @@
 use faer::linalg::matmul::matmul;
 use faer::traits::ComplexField;
 use faer::{Accum, MatMut, MatRef, Par};
+use pulp::{Simd, WithSimd};
 
 /// `f32` for training and inference, `f64` for the proofs of the kernels.
 pub(crate) trait Real: candle_core::WithDType + ComplexField {
@@ -39,4 +40,22 @@ pub(crate) fn add_product<T: Real>(out: &mut [T], a: MatRef<'_, T>, b: MatRef<'_
 fn multiply<T: Real>(out: &mut [T], accumulate: Accum, a: MatRef<'_, T>, b: MatRef<'_, T>) {
     let out = MatMut::from_row_major_slice_mut(out, a.nrows(), b.ncols());
     matmul(out, accumulate, a, b, T::from_f64(1.0), Par::Seq);
+}
+
+/// Runs a loop with the widest vector instructions of the machine. Closures have to be marked `inline(always)`, and to
+/// change something: the calls of others are compiled apart, without these instructions.
+#[inline(always)]
+pub(crate) fn vectorized(body: impl FnMut()) {
+    pulp::Arch::new().dispatch(Vectorized(body));
+}
+
+struct Vectorized<F>(F);
+
+impl<F: FnMut()> WithSimd for Vectorized<F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) {
+        (self.0)();
+    }
 }

@@ -69,6 +69,15 @@ impl ScatteredSpec {
     /// # Errors
     /// [`NnError::BadOption`].
     pub fn sample(&self, random: &mut ChaCha8Rng) -> Result<ScatteredCloud, NnError> {
+        self.sample_unevenly([0.0; 2], random)
+    }
+
+    /// A random cloud of uneven density: parameters t along each direction become t + a sin(2πt)/(2π), with \|a\| < 1.
+    pub(crate) fn sample_unevenly(
+        &self,
+        unevenness: [f64; 2],
+        random: &mut ChaCha8Rng,
+    ) -> Result<ScatteredCloud, NnError> {
         if !(1..=LARGEST_DEGREE).contains(&self.degree) {
             return Err(NnError::BadOption { name: "degree", value: self.degree as f64, range: "from 1 to 8" });
         }
@@ -76,7 +85,12 @@ impl ScatteredSpec {
             return Err(NnError::BadOption { name: "noise", value: self.noise, range: "finite and at least 0" });
         }
         let surface = self.surface(random);
-        let parameters = self.parameters(random);
+        let mut parameters = self.parameters(random);
+        for (a, mut along) in unevenness.into_iter().zip(parameters.columns_mut()) {
+            // The ends stay where they are, bit by bit.
+            let inside = along.iter_mut().filter(|t| **t > 0.0 && **t < 1.0);
+            inside.for_each(|t| *t = (*t + a * (TAU * *t).sin() / TAU).clamp(0.0, 1.0));
+        }
         let mut points = Array2::zeros((parameters.nrows(), 3));
         for (mut point, uv) in points.rows_mut().into_iter().zip(parameters.rows()) {
             let exact = surface.point([uv[0], uv[1]]);

@@ -1,8 +1,9 @@
 //! The boundary of an open surface given by unordered points.
 
 use ndarray::{ArrayView2, Axis};
+use rayon::prelude::*;
 
-use crate::cloud_mesh::CloudMesh;
+use crate::cloud_mesh::{CloudMesh, STAR_NEIGHBOURS};
 use crate::local_frame::{Frames, median};
 use crate::neighbours::{CloudTree, rows};
 use crate::{
@@ -21,7 +22,7 @@ const SMOOTHING_ROUNDS: usize = 2;
 
 /// Factors on the reach that are tried while too few points are joined: rows of a scanner may be several times as far apart as
 /// the points in a row.
-const REACH_STEPS: [f64; 4] = [1.0, 1.5, 2.25, 3.4];
+const REACH_STEPS: [f64; 3] = [1.5, 2.25, 3.4];
 
 /// Neighbours over which the spacing is smoothed by a median.
 const SPACING_MEDIAN: usize = 12;
@@ -119,31 +120,26 @@ pub fn find_boundary(points: ArrayView2<'_, f64>, params: &BoundaryParams) -> Re
     if m < FEWEST_POINTS {
         return Err(CloudError::TooFewPoints { given: m, required: FEWEST_POINTS });
     }
-    let frames = Frames::estimate(&distinct)?;
-    let raw_spacing = median(frames.spacing.clone());
-    let noise = frames.noise;
-    let base = Base::of(distinct, frames, raw_spacing)?;
-
-    let mut best: Option<(CloudMesh, usize, f64)> = None;
-    for step in REACH_STEPS {
-        let reach = params.reach * step;
-        let mesh = CloudMesh::span(&base.points, &base.normals, &base.spacing, reach)?;
-        let joined = mesh.pieces.first().copied().unwrap_or(0);
-        let enough = joined as f64 >= params.coverage * m as f64;
-        if best.as_ref().is_none_or(|b| joined > b.1) {
-            best = Some((mesh, joined, reach));
+    let tree = CloudTree::with_neighbours(&distinct, STAR_NEIGHBOURS)?;
+    let frames = Frames::estimate(&tree);
+    let (raw_spacing, noise, scale) = (median(frames.spacing.clone()), frames.noise, normalization.scale());
+    let Spanned { mesh, joined, reach } = if noise > SMOOTHED_FROM * raw_spacing {
+        drop(tree);
+        let mut smoothed = frames.smoothed;
+        for _ in 1..SMOOTHING_ROUNDS {
+            smoothed = Frames::estimate(&CloudTree::new(&smoothed)?).smoothed;
         }
-        if enough {
-            break;
-        }
-    }
-    let scale = normalization.scale();
+        let tree = CloudTree::with_neighbours(&smoothed, STAR_NEIGHBOURS)?;
+        Spanned::over(&tree, &Frames::estimate(&tree), params)
+    } else {
+        Spanned::over(&tree, &frames, params)
+    };
     let no_surface =
         |connected| CloudError::NoSurface { connected, points: m, noise: noise * scale, spacing: raw_spacing * scale };
-    let (mesh, joined, reach) = best.ok_or(no_surface(0))?;
     let sizes: Vec<usize> = mesh.pieces.iter().copied().filter(|&s| s as f64 > params.stray * m as f64).collect();
     if sizes.len() > 1 {
-        return Err(CloudError::CloudPieces { sizes });
+        let reach = params.reach * REACH_STEPS.into_iter().fold(1.0, f64::max);
+        return Err(CloudError::CloudPieces { sizes, reach });
     }
     if (joined as f64) < params.coverage * m as f64 {
         return Err(no_surface(joined));
@@ -185,36 +181,41 @@ pub fn find_boundary(points: ArrayView2<'_, f64>, params: &BoundaryParams) -> Re
     Ok(result)
 }
 
-/// What the mesh is spanned over.
-struct Base {
-    points: Vec<[f64; 3]>,
-    normals: Vec<[f64; 3]>,
-    /// Median of the spacings around each point.
-    spacing: Vec<f64>,
+/// A mesh over a cloud.
+struct Spanned {
+    mesh: CloudMesh,
+    /// Number of points of its largest piece.
+    joined: usize,
+    reach: f64,
 }
 
-impl Base {
-    /// The points, smoothed where their noise against the median `spacing` asks for it.
-    fn of(mut points: Vec<[f64; 3]>, mut frames: Frames, spacing: f64) -> Result<Self, CloudError> {
-        if frames.noise > SMOOTHED_FROM * spacing {
-            for _ in 0..SMOOTHING_ROUNDS {
-                points = frames.smoothed;
-                frames = Frames::estimate(&points)?;
+impl Spanned {
+    /// The mesh with the smallest reach that joins enough of the points, or else the one that joins most.
+    fn over(tree: &CloudTree<'_>, frames: &Frames, params: &BoundaryParams) -> Self {
+        let m = tree.points.len();
+        let near = tree.all_nearest(SPACING_MEDIAN);
+        // The median of the spacings around each point.
+        let local = |i: usize| {
+            let around = std::iter::once(i as u32).chain(near.of(i).iter().copied());
+            median(around.map(|j| frames.spacing[j as usize]).collect())
+        };
+        let spacing: Vec<f64> = (0..m).into_par_iter().map(local).collect();
+        let attempt = |step: f64| {
+            let reach = params.reach * step;
+            let mesh = CloudMesh::span(tree, &frames.normals, &spacing, reach);
+            Self { joined: mesh.pieces.first().copied().unwrap_or(0), mesh, reach }
+        };
+        let mut best = attempt(1.0);
+        for step in REACH_STEPS {
+            if best.joined as f64 >= params.coverage * m as f64 {
+                break;
+            }
+            let wider = attempt(step);
+            if wider.joined > best.joined {
+                best = wider;
             }
         }
-        let tree = CloudTree::new(&points)?;
-        let near = tree.all_nearest(SPACING_MEDIAN);
-        let local = (0..points.len())
-            .map(|i| {
-                median(
-                    std::iter::once(i as u32)
-                        .chain(near.of(i).iter().copied())
-                        .map(|j| frames.spacing[j as usize])
-                        .collect(),
-                )
-            })
-            .collect();
-        Ok(Self { points, normals: frames.normals, spacing: local })
+        best
     }
 }
 

@@ -155,17 +155,22 @@ fn inside([x, y]: [f64; 2], polygon: &[[f64; 2]]) -> bool {
         == 1
 }
 
+const PLANTED: [(&str, Planted); 6] = [
+    ("graph", GRAPH),
+    ("uneven", UNEVEN),
+    ("half cylinder", HALF_CYLINDER),
+    ("cap", CAP),
+    ("ell", ELL),
+    ("star", STAR),
+];
+
+/// Points that a test without optimization has no time for.
+const LARGE: &[usize] = if cfg!(debug_assertions) { &[] } else { &[10_000] };
+
 #[test]
 fn planted_boundaries_are_found_without_noise() {
-    for (name, planted) in [
-        ("graph", GRAPH),
-        ("uneven", UNEVEN),
-        ("half cylinder", HALF_CYLINDER),
-        ("cap", CAP),
-        ("ell", ELL),
-        ("star", STAR),
-    ] {
-        for m in [1000, 3000] {
+    for (name, planted) in PLANTED {
+        for &m in [1000, 3000].iter().chain(LARGE) {
             let points = planted.sample(m, 0.0);
             let (recall, precision, found) = planted.judge(&points);
             assert!(recall >= 0.98 && precision >= 0.95, "{name} {m}: {recall} {precision}");
@@ -182,19 +187,37 @@ fn planted_boundaries_are_found_without_noise() {
 
 #[test]
 fn planted_boundaries_are_found_in_noise() {
-    for (name, planted) in [
-        ("graph", GRAPH),
-        ("uneven", UNEVEN),
-        ("half cylinder", HALF_CYLINDER),
-        ("cap", CAP),
-        ("ell", ELL),
-        ("star", STAR),
-    ] {
-        for (m, noise) in [(2500, 0.005), (1000, 0.01), (2500, 0.01)] {
-            let points = planted.sample(m, noise);
-            let (recall, precision, found) = planted.judge(&points);
-            assert!(recall >= 0.9 && precision >= 0.9, "{name} {m} {noise}: {recall} {precision}");
-            assert!(planted.goes_round_once(&points, &found), "{name} {m} {noise}");
+    for (name, planted) in PLANTED {
+        for noise in [0.005, 0.01] {
+            for &m in [1000, 2500].iter().chain(LARGE) {
+                let points = planted.sample(m, noise);
+                let (recall, precision, found) = planted.judge(&points);
+                assert!(recall >= 0.9 && precision >= 0.9, "{name} {m} {noise}: {recall} {precision}");
+                assert!(planted.goes_round_once(&points, &found), "{name} {m} {noise}");
+                assert!(found.triangles.is_some(), "{name} {m} {noise}");
+            }
+        }
+    }
+}
+
+#[test]
+fn planted_corners_come_back_from_the_detected_loop() {
+    for (name, planted) in &PLANTED[..3] {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(planted.map);
+        for noise in [0.0, 0.005, 0.01] {
+            let points = planted.sample(1000, noise);
+            let found = find_boundary(points.view(), &BoundaryParams::default()).unwrap();
+            let rows: Vec<usize> = found.outer.iter().map(|&v| v as usize).collect();
+            let outline = points.select(Axis(0), &rows);
+            let chosen = crate::find_corners(outline.view(), crate::CornerParams::default()).unwrap().positions;
+            let curve: Vec<[f64; 3]> = planted.curve().into_iter().map(planted.map).collect();
+            let distance = |a: [f64; 3], b: [f64; 3]| crate::vec3::norm(crate::vec3::sub(a, b));
+            let perimeter: f64 = (0..curve.len()).map(|k| distance(curve[k], curve[(k + 1) % curve.len()])).sum();
+            for corner in corners {
+                let place = |k: usize| std::array::from_fn(|c| outline[[chosen[k], c]]);
+                let nearest = (0..4).map(|k| distance(place(k), corner)).fold(f64::INFINITY, f64::min);
+                assert!(nearest < 0.02 * perimeter, "{name} {noise}: {}", nearest / perimeter);
+            }
         }
     }
 }
@@ -224,7 +247,7 @@ fn closed_and_torn_clouds_are_errors() {
     let sheet = GRAPH.sample(1000, 0.0);
     let two =
         Array2::from_shape_fn((1500, 3), |(i, k)| if i < 1000 { sheet[[i, k]] } else { 3.0 + sheet[[i - 1000, k]] });
-    let Err(CloudError::CloudPieces { sizes }) = find_boundary(two.view(), &BoundaryParams::default()) else {
+    let Err(CloudError::CloudPieces { sizes, .. }) = find_boundary(two.view(), &BoundaryParams::default()) else {
         panic!("two pieces were not noticed");
     };
     assert!(sizes.len() >= 2 && sizes[0] > 900, "{sizes:?}");

@@ -15,7 +15,7 @@ use crate::star::{TangentPlane, VoronoiCell};
 use crate::vec3::{cross, dot, sub};
 
 /// Neighbours of the first attempt at a star; more are fetched where the star is open.
-const STAR_NEIGHBOURS: usize = 24;
+pub(crate) const STAR_NEIGHBOURS: usize = 24;
 
 /// Most neighbours of a star. A point that needs more lies at the rim of a much denser region.
 const MOST_STAR_NEIGHBOURS: usize = 384;
@@ -47,16 +47,12 @@ pub(crate) struct CloudMesh {
 }
 
 impl CloudMesh {
-    /// Spans a mesh over `points` with triangles of a circumradius of at most `reach` spacings.
-    pub(crate) fn span(
-        points: &[[f64; 3]],
-        normals: &[[f64; 3]],
-        spacing: &[f64],
-        reach: f64,
-    ) -> Result<Self, crate::CloudError> {
+    /// Spans a mesh over the points of `tree` with triangles of a circumradius of at most `reach` spacings.
+    pub(crate) fn span(tree: &CloudTree<'_>, normals: &[[f64; 3]], spacing: &[f64], reach: f64) -> Self {
+        let points = tree.points;
         let planes: Vec<TangentPlane> = points.iter().zip(normals).map(|(p, n)| TangentPlane::new(*p, *n)).collect();
         let mut fans = Fans::new(points, &planes);
-        for triangle in proposals(points, normals, &planes, spacing, reach)? {
+        for triangle in proposals(tree, normals, &planes, spacing, reach) {
             fans.try_add(triangle);
         }
         close_gaps(&mut fans, points, spacing, false);
@@ -72,19 +68,19 @@ impl CloudMesh {
         // loops are unambiguous, and a gap can be closed whatever the planes say.
         close_gaps(&mut fans, points, spacing, true);
         keep_one_surface(&mut fans);
-        Ok(Self { triangles: fans.triangles(), loops: fans.boundary_loops(), pieces })
+        Self { triangles: fans.triangles(), loops: fans.boundary_loops(), pieces }
     }
 }
 
 /// The triangles of all stars, those with most votes first, then small ones.
 fn proposals(
-    points: &[[f64; 3]],
+    tree: &CloudTree<'_>,
     normals: &[[f64; 3]],
     planes: &[TangentPlane],
     spacing: &[f64],
     reach: f64,
-) -> Result<Vec<[u32; 3]>, crate::CloudError> {
-    let tree = CloudTree::new(points)?;
+) -> Vec<[u32; 3]> {
+    let points = tree.points;
     let stars: Vec<Vec<[u32; 3]>> = (0..points.len())
         .into_par_iter()
         .map(|i| {
@@ -113,13 +109,13 @@ fn proposals(
         })
         .collect();
     let mut all: Vec<[u32; 3]> = stars.into_iter().flatten().collect();
-    all.sort_unstable();
+    all.par_sort_unstable();
     let mut ranked: Vec<(usize, f64, [u32; 3])> = all
         .chunk_by(|a, b| a == b)
         .map(|same| (same.len(), circumradius(same[0].map(|v| points[v as usize])), same[0]))
         .collect();
-    ranked.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-    Ok(ranked.into_iter().map(|r| r.2).collect())
+    ranked.par_sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+    ranked.into_iter().map(|r| r.2).collect()
 }
 
 /// Closes the gaps of at most [`CLOSED_GAP`] spacings of perimeter, with triangles that fit their tangent planes or, `folded`, with

@@ -211,12 +211,15 @@ pub enum CloudError {
     },
     /// A cloud that consists of several large pieces.
     #[error(
-        "the cloud has {} pieces with {sizes:?} points; keep the largest one, or fit the pieces one by one",
+        "the cloud has {} pieces with {sizes:?} points at gaps beyond {reach:.1} spacings; keep the largest one, or fit the pieces one by \
+         one; if they are rows of one surface, thin the points along the rows, give the grid order, or raise the reach",
         sizes.len()
     )]
     CloudPieces {
         /// Points of each piece that is too large to be stray, largest first.
         sizes: Vec<usize>,
+        /// Largest circumradius of a triangle that was tried, in local spacings.
+        reach: f64,
     },
     /// No surface could be spanned over a cloud.
     #[error(

@@ -55,7 +55,7 @@ impl LocalFrames {
         let rows = rows(points)?;
         // A quadric has six coefficients; two more points leave something to measure the residual by.
         check_surface_cloud(points, 8)?;
-        let frames = Frames::estimate(&rows)?;
+        let frames = Frames::estimate(&CloudTree::new(&rows)?);
         let array = |a: &[[f64; 3]]| Array2::from_shape_fn((a.len(), 3), |(i, k)| a[i][k]);
         Ok(Self {
             normals: array(&frames.normals),
@@ -79,9 +79,9 @@ pub(crate) struct Frames {
 }
 
 impl Frames {
-    pub(crate) fn estimate(points: &[[f64; 3]]) -> Result<Self, CloudError> {
-        let tree = CloudTree::new(points)?;
-        let k = flattest_neighbourhood(points, &tree);
+    pub(crate) fn estimate(tree: &CloudTree<'_>) -> Self {
+        let points = tree.points;
+        let k = flattest_neighbourhood(tree);
         let fits: Vec<(Fit, f64)> = (0..points.len())
             .into_par_iter()
             .map(|i| {
@@ -93,20 +93,20 @@ impl Frames {
             })
             .collect();
         let mut normals: Vec<[f64; 3]> = fits.iter().map(|f| f.0.normal).collect();
-        let flipped = orient(&tree, &mut normals);
+        let flipped = orient(tree, &mut normals);
         let curvatures = fits
             .iter()
             .zip(flipped)
             .map(|((fit, _), flip)| if flip { [-fit.curvatures[1], -fit.curvatures[0]] } else { fit.curvatures })
             .collect();
-        Ok(Self {
+        Self {
             normals,
             curvatures,
             spacing: fits.iter().map(|f| f.1).collect(),
             smoothed: fits.iter().map(|f| f.0.foot).collect(),
             noise: median(fits.iter().map(|f| f.0.residual.abs()).collect()) / NORMAL_MEDIAN,
             neighbours: k,
-        })
+        }
     }
 }
 
@@ -151,7 +151,8 @@ impl Fit {
 }
 
 /// The number of neighbours with the smallest median ratio of thickness to width.
-fn flattest_neighbourhood(points: &[[f64; 3]], tree: &CloudTree<'_>) -> usize {
+fn flattest_neighbourhood(tree: &CloudTree<'_>) -> usize {
+    let points = tree.points;
     let m = points.len();
     let stride = m.div_ceil(SCALE_SAMPLE);
     let sample: Vec<usize> = (0..m).step_by(stride).collect();

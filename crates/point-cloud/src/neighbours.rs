@@ -98,8 +98,16 @@ pub(crate) fn rows(points: ArrayView2<'_, f64>) -> Result<Vec<[f64; 3]>, CloudEr
 
 /// A search tree over points of space.
 pub(crate) struct CloudTree<'a> {
-    points: &'a [[f64; 3]],
+    pub(crate) points: &'a [[f64; 3]],
     tree: ImmutableKdTree<f64, 3>,
+    /// Answers to the questions that several steps ask, searched once.
+    known: Option<Known>,
+}
+
+/// The nearest neighbours of all points, up to some number.
+struct Known {
+    neighbours: Neighbours,
+    count: usize,
 }
 
 impl<'a> CloudTree<'a> {
@@ -110,11 +118,22 @@ impl<'a> CloudTree<'a> {
         }
         // Construction fails only for clouds beyond 2^32 points.
         let tree = ImmutableKdTree::new_from_slice(points).map_err(|_| too_few)?;
-        Ok(Self { points, tree })
+        Ok(Self { points, tree, known: None })
+    }
+
+    /// As [`CloudTree::new`], with the `count` nearest neighbours of all points searched at once and kept: 12 bytes each.
+    pub(crate) fn with_neighbours(points: &'a [[f64; 3]], count: usize) -> Result<Self, CloudError> {
+        let mut tree = Self::new(points)?;
+        tree.known = Some(Known { neighbours: tree.all_nearest(count), count });
+        Ok(tree)
     }
 
     /// The `k` nearest neighbours of point `i` with their distances.
     pub(crate) fn nearest(&self, i: usize, k: usize) -> Vec<(f64, u32)> {
+        if let Some(Known { neighbours, .. }) = self.known.as_ref().filter(|known| k <= known.count) {
+            let pairs = neighbours.distances_of(i).iter().zip(neighbours.of(i));
+            return pairs.take(k).map(|(&d, &j)| (d, j)).collect();
+        }
         // One more than asked for: the point finds itself.
         let count = NonZero::new(k.min(self.points.len() - 1) + 1).unwrap_or(NonZero::<usize>::MIN);
         let found = self.tree.query(&self.points[i]).nearest_n::<SquaredEuclidean<f64>>(count).execute();

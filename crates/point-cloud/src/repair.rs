@@ -111,9 +111,7 @@ mod tests {
         let triangles = (0..n * n)
             .map(|c| (c / n, c % n))
             .filter(|&(i, j)| keep(i, j))
-            .flat_map(|(i, j)| {
-                [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]]
-            })
+            .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
             .collect();
         let vertices = Array2::from_shape_fn(((n + 1) * (n + 1), 3), |(v, k)| [v / (n + 1), v % (n + 1), 0][k] as f64);
         TriangleMesh { vertices, triangles }

@@ -26,6 +26,9 @@ pub enum Error {
     /// The fit failed.
     #[error(transparent)]
     Fit(#[from] fit_ls::Error),
+    /// The fit with moving parameters failed.
+    #[error(transparent)]
+    Moving(#[from] moving_param::Error),
     /// The spline space is not possible.
     #[error(transparent)]
     Space(#[from] thb_core::Error),

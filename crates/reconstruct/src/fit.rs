@@ -4,15 +4,16 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use adaptive::{Iteration, Outcome, Stop, run};
-use fit_ls::{LeastSquares, directed_hausdorff, map_to_points};
+use adaptive::Stop;
+use fit_ls::{directed_hausdorff, map_to_points};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2};
 use point_cloud::BoundingBox;
-use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
+use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
+use crate::fitting::{self, Fitted, Problem};
 use crate::parameter_options::Domain;
-use crate::parameters::{Parameterized, parameterize};
+use crate::parameters::parameterize;
 use crate::report::{InputReport, Report, ResultReport, history, sides};
 use crate::{Error, Event, FitOptions, Watch};
 
@@ -77,36 +78,39 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let _guard = span.enter();
     let format = scan.format;
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
-    let Parameterized { points, parameters, reversed, report: laid_out, mut warnings, .. } =
-        parameterize(scan, &options.parameters, watch)?;
+    let laid_out = parameterize(scan, &options.parameters, watch)?;
+    let mut warnings = laid_out.warnings.clone();
+    let points = &laid_out.points;
     let diagonal = BoundingBox::of(points.view())?.diagonal();
     let tolerance = options.tol.resolve(diagonal);
     tracing::info!(
         points = points.nrows(),
-        method = laid_out.method,
-        verdict = laid_out.verdict,
+        method = laid_out.report.method,
+        verdict = laid_out.report.verdict,
         tolerance,
         "parameterized"
     );
 
-    let fitting = fit_ls::Options {
-        lambda: options.lambda.resolve(tolerance),
-        quadrature: options.energy.quadrature(),
-        ..fit_ls::Options::default()
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, level_zero_knots(&laid_out.parameters, options)?)?);
+    let problem = Problem {
+        points: laid_out.points.view(),
+        parameters: laid_out.parameters.view(),
+        triangles: &laid_out.triangles,
+        tolerance,
     };
-    let mut method = LeastSquares::new(parameters.view(), points.view(), None, fitting)?;
-    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, level_zero_knots(&parameters, options)?)?);
     let _ = watch(Event::Step("fitting"));
-    let mut observer = |record: &Iteration| watch(Event::Iteration(record));
-    let outcome = run(&mut method, space, &loop_options(options, tolerance, points.nrows()), &mut observer)?;
-    let Outcome { map, stop, failure, history: iterations, .. } = outcome;
+    let Fitted { map, stop, failure, history: iterations, moves, parameters, errors, lambda } =
+        fitting::fit(&problem, space, options, watch)?;
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
     }
-    // Sorted by cell; back to the order of the points.
-    let sorted = method.distances(&map)?.to_vec();
-    let mut errors = Array1::zeros(points.nrows());
-    method.points().order().iter().zip(sorted).for_each(|(&i, e)| errors[i as usize] = e);
+    let postponed = moves.iter().filter(|m| m.postponed).count();
+    if postponed > 0 {
+        warnings.push(format!(
+            "moving the parameters did harm in {postponed} of {} iterations and was undone there",
+            moves.len()
+        ));
+    }
 
     let _ = watch(Event::Step("measuring the surface"));
     let dhd = directed_hausdorff(&map, parameters.view(), points.view())?;
@@ -129,10 +133,10 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             triangles: read_triangles,
             fitted_points: points.nrows(),
             diagonal,
-            parameterization: laid_out.method,
-            corners: laid_out.corners,
+            parameterization: laid_out.report.method,
+            corners: laid_out.report.corners,
         },
-        parameterization: laid_out,
+        parameterization: laid_out.report,
         options: options.clone(),
         result: ResultReport {
             dofs: last.dofs,
@@ -143,7 +147,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             rmse: deviation.rmse(),
             within: deviation.within,
             tolerance,
-            lambda: method.lambda().unwrap_or(0.0),
+            lambda,
             dhd,
             hsd,
             seconds: start.elapsed().as_secs_f64(),
@@ -151,28 +155,13 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             reached: stop == Stop::ToleranceReached,
             sides: sides(&map)?,
         },
-        history: history(&iterations),
+        history: history(&iterations, &moves),
         warnings,
     };
     let mut model = Model::surface(map, options.units);
     model.metadata.insert("source".into(), name.into());
-    let reversed = reversed != options.flip;
-    Ok(Fit { model, report, points, parameters, errors, reversed, stop })
-}
-
-fn loop_options(options: &FitOptions, tolerance: f64, points: usize) -> adaptive::Options<2> {
-    adaptive::Options {
-        tolerance,
-        within: options.within,
-        marking: options.mark.0,
-        refinement: Refinement {
-            extension: options.extension.0,
-            admissible: options.admissible,
-            max_levels: options.levels,
-        },
-        max_dofs: options.max_dofs.unwrap_or(points),
-        ..adaptive::Options::default()
-    }
+    let reversed = laid_out.reversed != options.flip;
+    Ok(Fit { model, report, points: laid_out.points, parameters, errors, reversed, stop })
 }
 
 fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[KnotVector; 2], Error> {

@@ -26,6 +26,7 @@ mod batch;
 mod clean;
 mod error;
 mod fit;
+mod fitting;
 mod inspect;
 mod mesh;
 mod options;
@@ -40,16 +41,20 @@ pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_paramet
 pub use error::Error;
 pub use fit::{Fit, fit_file, fit_scan};
 pub use inspect::{Comparison, Info, compare, convert, eval_model, info};
-pub use options::{Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Tolerance};
+pub use options::{
+    BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Tolerance,
+};
 pub use output::{OutputPaths, write_outputs, write_parameters, write_report, write_text};
 pub use parameter_options::{
-    BoundaryRule, Clean, Crop, Domain, GivenCorners, ParameterChoice, ParameterOptions, RadiusChoice, Refine,
+    Clean, Crop, Domain, GivenCorners, ParameterChoice, ParameterOptions, RadiusChoice, Refine, SideRule,
 };
 pub use parameters::{
     HoleReport, ParameterReport, Parameterized, Stretch, VoidReport, parameterize, parameterize_file,
 };
 pub use picture::draw_parameters;
-pub use report::{InputReport, IterationReport, LayoutReport, Report, ResultReport, SecondsReport, layout_report};
+pub use report::{
+    InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, layout_report,
+};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};

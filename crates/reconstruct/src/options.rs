@@ -19,6 +19,14 @@ pub struct FitOptions {
     pub parameters: ParameterOptions,
     /// The fitting method.
     pub method: Method,
+    /// Corrections after each refinement, of the alternating methods.
+    pub corrections: usize,
+    /// Weight of the point distance in A-HDM.
+    pub blend: BlendChoice,
+    /// Relative damping of A-TDM.
+    pub damping: f64,
+    /// What happens to points on the boundary of the parameter domain while parameters move.
+    pub boundary: BoundaryChoice,
     /// Degree per direction.
     pub degree: Pair,
     /// Elements of level 0 per direction.
@@ -59,6 +67,10 @@ impl Default for FitOptions {
         Self {
             parameters: ParameterOptions::default(),
             method: Method::Ls,
+            corrections: 3,
+            blend: BlendChoice::Error,
+            damping: 1e-3,
+            boundary: BoundaryChoice::Kept,
             degree: Pair([3, 3]),
             mesh: Pair([4, 4]),
             lambda: LambdaChoice::Auto,
@@ -101,6 +113,10 @@ impl FitOptions {
         range("--levels", self.levels.to_string(), "1 to 16", (1..=MAX_LEVELS).contains(&self.levels))?;
         range("--extension", self.extension.to_string(), "0 to 64", self.extension.0.iter().all(|&k| k <= 64))?;
         range("--admissible", format!("{:?}", self.admissible), "2 or more", self.admissible.is_none_or(|m| m >= 2))?;
+        if let BlendChoice::Constant(gamma) = self.blend {
+            range("--blend", gamma.to_string(), "0 to 1", (0.0..=1.0).contains(&gamma))?;
+        }
+        range("--damping", self.damping.to_string(), "0 or more", self.damping >= 0.0 && self.damping.is_finite())?;
         self.tol.check()?;
         if let LambdaChoice::Fixed(lambda) = self.lambda {
             range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)?;
@@ -135,7 +151,7 @@ macro_rules! serialize_as_typed {
     )*};
 }
 pub(crate) use serialize_as_typed;
-serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, Energy);
+serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy);
 
 fn unit_name<S: Serializer>(unit: &LengthUnit, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(unit.name())
@@ -168,10 +184,73 @@ pub(crate) use named;
 
 named!(
     /// The fitting method.
-    Method, "ls is the only method",
+    Method, "ls, a-pdm, a-tdm, a-hdm, j-pdm or joint",
     /// Penalized least squares with fixed parameters.
-    Ls = "ls"
+    Ls = "ls",
+    /// Coefficients by point distance and foot points in turn (Imperatore 2024, §5.1.2).
+    APdm = "a-pdm",
+    /// Coefficients by tangent distance and foot points in turn.
+    ATdm = "a-tdm",
+    /// Coefficients by a blend of both distances and foot points in turn.
+    AHdm = "a-hdm",
+    /// Coefficients and parameters together by L-BFGS (Imperatore 2024, §5.3).
+    JPdm = "j-pdm",
+    /// Coefficients and parameters together by Levenberg–Marquardt steps from which the parameters are eliminated.
+    Joint = "joint"
 );
+named!(
+    /// What happens to points on the boundary of the parameter domain while parameters move.
+    BoundaryChoice, "kept or free",
+    /// They stay on their side, corners on their corner.
+    Kept = "kept",
+    /// They move like all others.
+    Free = "free"
+);
+
+impl BoundaryChoice {
+    pub(crate) fn constraint(self) -> moving_param::Boundary {
+        match self {
+            Self::Kept => moving_param::Boundary::Kept,
+            Self::Free => moving_param::Boundary::Free,
+        }
+    }
+}
+
+/// The weight of the point distance in A-HDM.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BlendChoice {
+    /// By the error of the point.
+    Error,
+    /// By the curvature of the cloud at the point.
+    Curvature,
+    /// The same for all points.
+    Constant(f64),
+}
+
+impl FromStr for BlendChoice {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+        match text {
+            "error" => Ok(Self::Error),
+            "curvature" => Ok(Self::Curvature),
+            number => number
+                .parse()
+                .map(Self::Constant)
+                .map_err(|_| parse_error(text, "error, curvature, or a number from 0 to 1")),
+        }
+    }
+}
+
+impl fmt::Display for BlendChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Error => f.write_str("error"),
+            Self::Curvature => f.write_str("curvature"),
+            Self::Constant(gamma) => write!(f, "{gamma}"),
+        }
+    }
+}
 named!(
     /// How the smoothing energy is integrated.
     Energy, "exact or gauss-p",

@@ -32,9 +32,9 @@ pub struct ParameterOptions {
     /// The points that become the corners.
     pub corners: Option<GivenCorners>,
     /// A file that names the points of the outer boundary.
-    pub boundary: Option<PathBuf>,
+    pub outline: Option<PathBuf>,
     /// How the points of a side are spread over it.
-    pub boundary_rule: BoundaryRule,
+    pub side_rule: SideRule,
     /// Radius of the neighbourhoods of `uniform`, `recd` and `lpsp` on clouds.
     pub radius: RadiusChoice,
     /// Whether maps of meshes are refined towards less distortion.
@@ -54,8 +54,8 @@ impl Default for ParameterOptions {
             param: ParameterChoice::Auto,
             domain: Domain::Unit,
             corners: None,
-            boundary: None,
-            boundary_rule: BoundaryRule::Chord,
+            outline: None,
+            side_rule: SideRule::Chord,
             radius: RadiusChoice(Radius::Grown),
             refine: Refine::Auto,
             subset: 10_000,
@@ -119,7 +119,7 @@ named!(
 );
 named!(
     /// How the points of a side are spread over it.
-    BoundaryRule, "chord, centripetal or uniform",
+    SideRule, "chord, centripetal or uniform",
     /// By chord length.
     Chord = "chord",
     /// By the square root of the chord length.
@@ -137,9 +137,9 @@ named!(
     /// As they come out.
     Off = "off"
 );
-serialize_as_typed!(ParameterChoice, Domain, Clean, BoundaryRule, Refine, GivenCorners, Crop, RadiusChoice);
+serialize_as_typed!(ParameterChoice, Domain, Clean, SideRule, Refine, GivenCorners, Crop, RadiusChoice);
 
-impl BoundaryRule {
+impl SideRule {
     pub(crate) fn rule(self) -> Rule {
         match self {
             Self::Chord => Rule::ChordLength,

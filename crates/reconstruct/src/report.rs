@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use adaptive::Iteration;
+use moving_param::Moves;
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
@@ -145,6 +146,48 @@ pub struct IterationReport {
     pub within: f64,
     /// Seconds per phase.
     pub seconds: SecondsReport,
+    /// What happened to the parameters; absent where they are fixed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub moves: Option<MovesReport>,
+}
+
+/// How parameters moved in one iteration.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct MovesReport {
+    /// Corrections, or steps of the joint method.
+    pub corrections: usize,
+    /// Mean share of the points whose distance fell at a correction.
+    pub accepted: f64,
+    /// Mean number of steps towards a foot point.
+    pub mean_steps: f64,
+    /// Mean length of the moves, in parameters.
+    pub mean_move: f64,
+    /// Largest length of a move.
+    pub max_move: f64,
+    /// Triangles that turned over.
+    pub folds: usize,
+    /// Moves that were shortened because a triangle would have turned over.
+    pub held: usize,
+    /// Whether the moves were undone because they did harm.
+    pub postponed: bool,
+    /// Root mean squared distance before the moves; after them it is that of the iteration.
+    pub rmse_before: f64,
+}
+
+impl From<&Moves> for MovesReport {
+    fn from(moves: &Moves) -> Self {
+        Self {
+            corrections: moves.corrections,
+            accepted: moves.accepted,
+            mean_steps: moves.mean_steps,
+            mean_move: moves.mean_move,
+            max_move: moves.max_move,
+            folds: moves.folds,
+            held: moves.held,
+            postponed: moves.postponed,
+            rmse_before: moves.rmse[0],
+        }
+    }
 }
 
 /// Seconds per phase.
@@ -160,10 +203,11 @@ pub struct SecondsReport {
     pub refine: f64,
 }
 
-pub(crate) fn history(iterations: &[Iteration]) -> Vec<IterationReport> {
+pub(crate) fn history(iterations: &[Iteration], moves: &[Moves]) -> Vec<IterationReport> {
     iterations
         .iter()
-        .map(|i| IterationReport {
+        .enumerate()
+        .map(|(k, i)| IterationReport {
             iteration: i.iteration,
             dofs: i.dofs,
             levels: i.levels,
@@ -177,6 +221,7 @@ pub(crate) fn history(iterations: &[Iteration]) -> Vec<IterationReport> {
                 estimate: i.seconds.estimate,
                 refine: i.seconds.refine,
             },
+            moves: moves.get(k).map(MovesReport::from),
         })
         .collect()
 }

@@ -93,7 +93,7 @@ fn corners_and_boundary_can_be_given() {
     let outline: Vec<usize> = (0..places.len()).filter(|&i| places[i].1).collect();
     let list: String = outline.iter().map(|row| format!("{row} # a comment\n")).collect();
     lab.put("outline.txt", list);
-    let by_file = lab.prints_json("param raw.xyz --boundary outline.txt -o file.csv");
+    let by_file = lab.prints_json("param raw.xyz --outline outline.txt -o file.csv");
     assert_eq!(by_file["parameterization"]["method"], "lpsp, corrected");
     assert_eq!(by_file["parameterization"]["boundary_points"], outline.len());
     let lines = rows(&places);
@@ -105,9 +105,9 @@ fn corners_and_boundary_can_be_given() {
 
     for (arguments, told) in [
         ("--corners 0,1,2,99999", "row 99999"),
-        ("--boundary missing.txt", "missing.txt"),
-        ("--boundary words.txt", "line 2"),
-        ("--boundary twice.txt", "twice"),
+        ("--outline missing.txt", "missing.txt"),
+        ("--outline words.txt", "line 2"),
+        ("--outline twice.txt", "twice"),
     ] {
         lab.put("words.txt", "1 2 3\n4 five\n");
         lab.put("twice.txt", "1 2 3 4 1\n");
@@ -125,7 +125,7 @@ fn every_way_of_laying_out_a_cloud_works() {
     for (way, method) in [
         ("--param uniform", "uniform"),
         ("--param recd --radius auto", "recd"),
-        ("--param lpsp --radius 0.2 --boundary-rule centripetal", "lpsp"),
+        ("--param lpsp --radius 0.2 --side-rule centripetal", "lpsp"),
         ("--param mean-value --refine on", "spanned mesh, mean-value, refined"),
         ("--param mean-value --refine off", "spanned mesh, mean-value"),
     ] {

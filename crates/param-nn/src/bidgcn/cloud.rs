@@ -41,7 +41,11 @@ impl Cloud {
     ) -> Result<Self, NnError> {
         check_surface_cloud(points, 4)?;
         if points.ncols() != 3 {
-            return Err(NnError::WrongShape { what: "points", given: points.dim().into(), required: [points.nrows(), 3] });
+            return Err(NnError::WrongShape {
+                what: "points",
+                given: points.dim().into(),
+                required: [points.nrows(), 3],
+            });
         }
         let required = [boundary.len(), 2];
         if <[usize; 2]>::from(boundary_parameters.dim()) != required {

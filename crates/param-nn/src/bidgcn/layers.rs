@@ -3,19 +3,13 @@
 use faer::MatRef;
 
 use crate::graph::Graph;
-use crate::real::{Real, add_product, matrix, product};
+use crate::real::{Real, add_product, matrix, product, vectorized};
 
 /// Channels of every hidden layer.
 pub(super) const WIDTH: usize = 64;
 
 /// Added to a variance before its root is divided by; PyTorch's default, which the published network has.
 const VARIANCE_FLOOR: f64 = 1e-5;
-
-/// Runs a loop with the widest vector instructions of the machine.
-#[inline(always)]
-fn vectorized(body: impl FnOnce()) {
-    pulp::Arch::new().dispatch(body);
-}
 
 pub(super) fn rows<T>(x: &[T]) -> &[[T; WIDTH]] {
     x.as_chunks().0

@@ -60,7 +60,11 @@ impl Bidgcn {
                 }
                 found => {
                     let found = found.map_or("nothing".into(), |(shape, _)| format!("shape {shape:?}"));
-                    return other("tensors", format!("{}: {found}", slot.name), "finite numbers in the shape of the network");
+                    return other(
+                        "tensors",
+                        format!("{}: {found}", slot.name),
+                        "finite numbers in the shape of the network",
+                    );
                 }
             }
         }
@@ -78,9 +82,8 @@ impl Bidgcn {
         for (name, value) in [("version", VERSION), ("architecture", self.variant.name()), ("frame", frame)] {
             metadata.insert(name.into(), value.into());
         }
-        let tensor = |slot: &super::layout::Slot| {
-            (slot.name.clone(), (slot.shape, self.theta[slot.range.clone()].to_vec()))
-        };
+        let tensor =
+            |slot: &super::layout::Slot| (slot.name.clone(), (slot.shape, self.theta[slot.range.clone()].to_vec()));
         Archive { metadata, tensors: self.layout.slots().iter().map(tensor).collect() }
     }
 

@@ -158,7 +158,7 @@ fn gradients_agree_with_differences_in_every_tensor() {
     let directions: Vec<f64> = (0..logits.len()).map(|k| (1.7 * k as f64).cos()).collect();
     let gradient = backward(&layout, &theta, &input, &tape, &directions);
     let scale = gradient.iter().fold(0.0f64, |s, g| s.max(g.abs()));
-    let mut value = |theta: &[f64]| -> f64 {
+    let value = |theta: &[f64]| -> f64 {
         let (logits, _) = forward(&layout, theta, &input, Some(&tape.graphs));
         logits.iter().zip(&directions).map(|(a, b)| a * b).sum()
     };

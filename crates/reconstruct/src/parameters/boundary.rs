@@ -15,14 +15,14 @@ const FEWEST: usize = 4;
 /// the file are `rows`, increasing.
 pub(super) fn given(scan: &Scan, rows: &[u32], options: &ParameterOptions) -> Result<Option<Vec<u32>>, Error> {
     let points = scan.cloud.points.view();
-    if let Some(path) = &options.boundary {
+    if let Some(path) = &options.outline {
         let named = read_rows(path)?;
         let place = |&row: &u64| {
             let row_in_file = u32::try_from(row).ok();
             row_in_file
                 .and_then(|row| rows.binary_search(&row).ok())
                 .map(|at| at as u32)
-                .ok_or(Error::NoSuchPoint { option: "--boundary", row })
+                .ok_or(Error::NoSuchPoint { option: "--outline", row })
         };
         let places = named.iter().map(place).collect::<Result<Vec<u32>, _>>()?;
         return in_order(points, places, true).map(Some);

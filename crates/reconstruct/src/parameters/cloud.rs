@@ -102,7 +102,7 @@ fn by_boundary(
     };
     let fixed = BoundaryParameters {
         points: outer.clone(),
-        parameters: side_parameters(outline.view(), positions, options.boundary_rule.rule())?,
+        parameters: side_parameters(outline.view(), positions, options.side_rule.rule())?,
     };
     let (weights, method) = match choice {
         ParameterChoice::Uniform => (CloudWeights::Uniform, "uniform"),

@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use fit_ls::LeastSquares;
-use ndarray::{Array2, ArrayView2, Axis};
-use param_classic::{extend_map, triangulate_parameters};
+use moving_param::{Boundary, Constraints, FootPointOptions, foot_points};
+use ndarray::{Array2, ArrayView2, Axis, arr1};
+use param_classic::{extend_map, map_quality, triangulate_parameters};
 use point_cloud::spread_subset;
-use rayon::prelude::*;
-use thb_core::{CellSpace, ClosestPoints, HierarchicalSpace, Kind, KnotVector};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 
 use super::Layout;
 use super::cloud::{self, Cloud};
@@ -29,7 +29,10 @@ const DEGREE: usize = 3;
 /// subset has kept it off the mesh, or it is stray.
 const STRAY: f64 = 4.0;
 
-/// Longest way in parameters that a projection may move a point: farther away is another part of the surface.
+/// A projection is undone if it folds more than one in so many triangles. Noise across a narrow part folds a few.
+const FOLDED: usize = 100;
+
+/// Longest way in parameters that a projection may move a point.
 const LONGEST_MOVE: f64 = 0.1;
 
 /// Lays out a cloud, a large one through a subset.
@@ -74,19 +77,31 @@ pub(super) fn lay_out(
         0 => (cloud.points, carried.parameters),
         _ => (cloud.points.select(Axis(0), &near), carried.parameters.select(Axis(0), &near)),
     };
-    let mut parameters = onto_square(carried);
-    for elements in PROJECTIONS {
-        let _ = watch(Event::Step("moving the points onto a smooth surface"));
-        parameters = project(points.view(), &parameters, elements)?;
-    }
     part.of_rows(&kept);
     let rows: Vec<u32> = near.iter().map(|&i| i as u32).collect();
     // The vertices of the mesh lie on it, so none of them was left out.
     let place = |i: u32| rows.binary_search(&part.rows[i as usize]).unwrap_or_default() as u32;
+    let triangles: Vec<[u32; 3]> = part.triangles.iter().map(|t| t.map(place)).collect();
+    let mut parameters = onto_square(carried);
+    let folded = |parameters: &Array2<f64>| {
+        map_quality(points.view(), &triangles, parameters.view()).map(|quality| quality.folded.len())
+    };
+    let mut folds = folded(&parameters)?;
+    for elements in PROJECTIONS {
+        let _ = watch(Event::Step("moving the points onto a smooth surface"));
+        let moved = project(points.view(), &parameters, elements)?;
+        let then = folded(&moved)?;
+        // A surface too coarse for the shape, or parameters too far off, tangle the points.
+        if then > folds + triangles.len() / FOLDED {
+            tracing::debug!(elements, then, folds, "projection undone");
+            break;
+        }
+        (parameters, folds) = (moved, then);
+    }
     Ok(Layout {
-        triangles: part.triangles.iter().map(|t| t.map(place)).collect(),
         boundary: part.boundary.iter().map(|&i| place(i)).collect(),
         corners: part.corners.map(|corners| corners.map(place)),
+        triangles,
         points,
         parameters,
         rows,
@@ -113,22 +128,21 @@ fn onto_square(mut parameters: Array2<f64>) -> Array2<f64> {
     parameters
 }
 
-/// Parameters of the closest points on a smooth surface that is fitted to the points at their present ones.
+/// Parameters of the foot points on a smooth surface that is fitted to the points at their present ones.
 fn project(points: ArrayView2<'_, f64>, parameters: &Array2<f64>, elements: usize) -> Result<Array2<f64>, Error> {
     let knots = KnotVector::uniform(DEGREE, elements)?;
     let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots])?);
-    let map = LeastSquares::new(parameters.view(), points, None, fit_ls::Options::default())?.fit(&space)?;
-    let search = ClosestPoints::new(map.bezier().clone())?;
-    let moved: Vec<[f64; 2]> = (0..points.nrows())
-        .into_par_iter()
-        .map(|i| {
-            let start = [parameters[[i, 0]], parameters[[i, 1]]];
-            let Ok(cell) = map.space().locate_cell(start) else { return start };
-            let point = [points[[i, 0]], points[[i, 1]], points[[i, 2]]];
-            let closest = search.closest_from(&point, cell, start).u;
-            let way = (closest[0] - start[0]).abs().max((closest[1] - start[1]).abs());
-            if way <= LONGEST_MOVE { closest } else { start }
-        })
-        .collect();
-    Ok(Array2::from_shape_fn((moved.len(), 2), |(i, d)| moved[i][d]))
+    let mut fit = LeastSquares::new(parameters.view(), points, None, fit_ls::Options::default())?;
+    let map = fit.fit(&space)?;
+    let free = Constraints::new(parameters.view(), space.domain(), Boundary::Free);
+    let feet = foot_points(&map, fit.points(), &free, &FootPointOptions::default())?;
+    let mut moved = parameters.clone();
+    for (&i, foot) in fit.points().order().iter().zip(feet.parameters) {
+        let mut place = moved.row_mut(i as usize);
+        // Farther away is another part of the surface.
+        if (0..2).all(|d| (foot[d] - place[d]).abs() <= LONGEST_MOVE) {
+            place.assign(&arr1(&foot));
+        }
+    }
+    Ok(moved)
 }

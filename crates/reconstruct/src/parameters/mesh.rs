@@ -127,7 +127,7 @@ pub(super) fn map(
     };
     let params = MeshMapParams {
         weights,
-        boundary: options.boundary_rule.rule(),
+        boundary: options.side_rule.rule(),
         corners: corners.map_or(CornerChoice::default(), CornerChoice::Given),
     };
     let _ = watch(Event::Step("mapping the mesh"));

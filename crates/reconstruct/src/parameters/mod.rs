@@ -15,7 +15,7 @@ use point_cloud::{Duplicates, check_surface_cloud};
 
 pub use self::quality::{HoleReport, ParameterReport, Stretch, VoidReport};
 use crate::clean::{Cleaned, clean};
-use crate::parameter_options::{BoundaryRule, Domain, ParameterChoice};
+use crate::parameter_options::{Domain, ParameterChoice, SideRule};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Fewest points of a surface: four control points of the smallest bilinear one.
@@ -137,9 +137,9 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
         (ParameterChoice::Chord | ParameterChoice::Centripetal, ..) | (ParameterChoice::Uniform, false, Some(_)) => {
             let grid = scan.cloud.grid.ok_or_else(|| missing("grid order (columns i, j)", CLOUD_HINT))?;
             let (rule, name) = match choice {
-                ParameterChoice::Uniform => (BoundaryRule::Uniform, "uniform"),
-                ParameterChoice::Centripetal => (BoundaryRule::Centripetal, "centripetal"),
-                _ => (BoundaryRule::Chord, "chord"),
+                ParameterChoice::Uniform => (SideRule::Uniform, "uniform"),
+                ParameterChoice::Centripetal => (SideRule::Centripetal, "centripetal"),
+                _ => (SideRule::Chord, "chord"),
             };
             let (parameters, report) = parameterize_grid(scan.cloud.points.view(), grid, rule.rule())?;
             let skipped = [(report.skipped_u, 'u'), (report.skipped_v, 'v')];

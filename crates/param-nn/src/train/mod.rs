@@ -1,0 +1,265 @@
+//! Training on fresh clouds, one a step.
+
+mod adamw;
+mod data;
+mod validation;
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use candle_core::{Device, Tensor, Var};
+use rand::RngExt;
+
+use self::adamw::AdamW;
+pub use self::validation::{Score, Validation};
+use crate::archive::Archive;
+use crate::bidgcn::Bidgcn;
+use crate::bidgcn::layout::{Layout, Variant};
+use crate::bidgcn::op::{Network, PatchError};
+use crate::error::NnError;
+use crate::synthetic::stream;
+
+/// Steps of linear warm-up of the rate.
+const RATE_WARM_UP: f64 = 500.0;
+
+/// The rate ends at this share of its peak.
+const LAST_RATE: f64 = 0.01;
+
+/// Share of the run over which the distance from the true parameters fades out of the loss. Without it the error of the
+/// fit alone has a local minimum with mirrored interior parameters, in which training stays.
+const SUPERVISED_SHARE: f64 = 0.08;
+
+/// Steps over which weights are averaged; shorter at the start of a run.
+const AVERAGE_HORIZON: f64 = 1000.0;
+
+/// Streams of random numbers: steps count from 0 on, the initial weights stand apart.
+const WEIGHT_STREAM: u64 = u64::MAX;
+
+/// What to train.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainOptions {
+    /// The network or its ablation.
+    pub variant: Variant,
+    /// Whether points are turned into the frame of the boundary; without, the form as published.
+    pub frame: bool,
+    /// Steps of the whole run.
+    pub steps: u64,
+    /// Largest learning rate.
+    pub rate: f64,
+    /// Seed of weights and clouds.
+    pub seed: u64,
+}
+
+/// A training run.
+#[derive(Debug)]
+pub struct Trainer {
+    options: TrainOptions,
+    layout: Arc<Layout>,
+    theta: Vec<f32>,
+    average: Vec<f32>,
+    optimizer: AdamW,
+}
+
+/// What a step met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepReport {
+    /// The step, from 0 on.
+    pub step: u64,
+    /// Mean squared error of the patch through the cloud.
+    pub mse: f64,
+    /// Learning rate.
+    pub rate: f64,
+    /// Length of the gradient.
+    pub gradient: f64,
+}
+
+/// Weights and biases evenly distributed within ±1/√inputs; normalizations as the identity.
+pub(crate) fn initial_weights(layout: &Layout, seed: u64) -> Vec<f32> {
+    let mut random = stream(seed, WEIGHT_STREAM);
+    let mut theta = vec![0.0; layout.len()];
+    for slot in layout.slots() {
+        let part = &mut theta[slot.range.clone()];
+        match slot.fan_in {
+            Some(inputs) => {
+                let bound = 1.0 / (inputs as f32).sqrt();
+                part.iter_mut().for_each(|x| *x = bound * (2.0 * random.random::<f32>() - 1.0));
+            }
+            None => part[..slot.shape[1]].fill(1.0),
+        }
+    }
+    theta
+}
+
+impl Trainer {
+    /// A run from its start.
+    pub fn new(options: TrainOptions) -> Self {
+        let layout = Arc::new(Layout::new(options.variant));
+        let theta = initial_weights(&layout, options.seed);
+        let optimizer = AdamW::new(theta.len());
+        Self { options, layout, average: theta.clone(), theta, optimizer }
+    }
+
+    /// Steps done.
+    pub fn step_count(&self) -> u64 {
+        self.optimizer.steps
+    }
+
+    /// Options of the run.
+    pub fn options(&self) -> &TrainOptions {
+        &self.options
+    }
+
+    /// Share of the steps so far whose gradient was shortened.
+    pub fn clipped_share(&self) -> f64 {
+        self.optimizer.clipped as f64 / self.optimizer.steps.max(1) as f64
+    }
+
+    /// One step on a fresh cloud.
+    ///
+    /// # Errors
+    /// [`NnError::Training`].
+    pub fn step(&mut self) -> Result<StepReport, NnError> {
+        let step = self.optimizer.steps;
+        let progress = step as f64 / self.options.steps.max(1) as f64;
+        let supervised = (1.0 - progress / SUPERVISED_SHARE).max(0.0);
+        let (cloud, degree) = data::draw(&mut stream(self.options.seed, step))?;
+        let input = Arc::new(cloud.input::<f32>(self.options.frame));
+        let differentiate = || -> candle_core::Result<(f64, Vec<f32>)> {
+            let theta = Var::from_vec(self.theta.clone(), self.theta.len(), &Device::Cpu)?;
+            let logits = theta.as_tensor().apply_op1(Network::new(self.layout.clone(), input))?;
+            let uv = candle_nn::ops::sigmoid(&logits)?;
+            let boundary_uv = Arc::new(cloud.boundary_uv().to_vec());
+            let error = uv.apply_op1(PatchError::new(Arc::new(cloud.xyz.clone()), boundary_uv, degree))?;
+            let mut loss = error.clone();
+            if supervised > 0.0 {
+                let known: Vec<f32> = cloud.uv[..cloud.interior].iter().flatten().map(|&x| x as f32).collect();
+                let known = Tensor::from_vec(known, (cloud.interior, 2), &Device::Cpu)?;
+                let distance = (uv - known)?.sqr()?.sum_all()?;
+                loss = (loss + (distance * (supervised / cloud.interior as f64))?)?;
+            }
+            let gradients = loss.backward()?;
+            let gradient = gradients.get(&theta).ok_or_else(|| candle_core::Error::msg("no gradient"))?;
+            Ok((f64::from(error.to_scalar::<f32>()?), gradient.to_vec1()?))
+        };
+        let (mse, gradient) = differentiate().map_err(|e| NnError::Training { step, reason: e.to_string() })?;
+        if !(mse.is_finite() && gradient.iter().all(|g| g.is_finite())) {
+            return Err(NnError::Training { step, reason: "loss or gradient is not finite; lower the rate".into() });
+        }
+        let cosine = LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + (PI * progress).cos());
+        let rate = self.options.rate * cosine * (((step + 1) as f64) / RATE_WARM_UP).min(1.0);
+        let norm = self.optimizer.step(&mut self.theta, &gradient, rate);
+        let horizon = AVERAGE_HORIZON.min(1.0 + 0.1 * step as f64);
+        let weight = (1.0 / horizon) as f32;
+        self.average.iter_mut().zip(&self.theta).for_each(|(a, t)| *a += weight * (t - *a));
+        Ok(StepReport { step, mse, rate, gradient: norm })
+    }
+
+    /// The network with averaged weights, and notes on how it came about.
+    pub fn network(&self, command: &str) -> Bidgcn {
+        let TrainOptions { variant, frame, steps, rate, seed } = self.options;
+        let mut notes = BTreeMap::new();
+        for (name, value) in [
+            ("command", command.to_owned()),
+            ("seed", seed.to_string()),
+            ("rate", rate.to_string()),
+            ("steps", steps.to_string()),
+            ("steps_done", self.optimizer.steps.to_string()),
+        ] {
+            notes.insert(name.to_owned(), value);
+        }
+        Bidgcn { layout: self.layout.clone(), variant, frame, theta: self.average.clone(), notes }
+    }
+
+    /// All that is needed to go on: a weights file with further tensors.
+    pub fn checkpoint(&self, command: &str) -> Vec<u8> {
+        let mut archive = self.network(command).to_archive();
+        for (name, values) in [
+            ("train.weights", &self.theta),
+            ("train.first_moment", &self.optimizer.first),
+            ("train.second_moment", &self.optimizer.second),
+        ] {
+            archive.tensors.insert(name.into(), ([1, values.len()], values.clone()));
+        }
+        archive.metadata.insert("mean_norm".into(), self.optimizer.mean_norm.to_string());
+        archive.metadata.insert("clipped".into(), self.optimizer.clipped.to_string());
+        archive.to_bytes()
+    }
+
+    /// Goes on from a checkpoint, bit by bit as if never stopped.
+    ///
+    /// # Errors
+    /// [`NnError::DamagedWeights`], [`NnError::OtherWeights`] if the file is no checkpoint.
+    pub fn resume(bytes: &[u8]) -> Result<Self, NnError> {
+        let archive = Archive::from_bytes(bytes)?;
+        let network = Bidgcn::of_archive(archive.clone())?;
+        let missing = |name: &str| NnError::OtherWeights {
+            what: "no training state",
+            found: name.to_owned(),
+            required: "a checkpoint, not a weights file",
+        };
+        fn number<T: std::str::FromStr>(archive: &Archive, name: &str) -> Option<T> {
+            archive.metadata.get(name)?.parse().ok()
+        }
+        let need = |name: &str| number::<u64>(&archive, name).ok_or_else(|| missing(name));
+        let real = |name: &str| number::<f64>(&archive, name).ok_or_else(|| missing(name));
+        let tensor = |name: &str| {
+            let found = archive.tensors.get(name).map(|(_, values)| values.clone());
+            found.filter(|values| values.len() == network.theta.len()).ok_or_else(|| missing(name))
+        };
+        let options = TrainOptions {
+            variant: network.variant,
+            frame: network.frame,
+            steps: need("steps")?,
+            rate: real("rate")?,
+            seed: need("seed")?,
+        };
+        let optimizer = AdamW {
+            first: tensor("train.first_moment")?,
+            second: tensor("train.second_moment")?,
+            steps: need("steps_done")?,
+            mean_norm: real("mean_norm")?,
+            clipped: need("clipped")?,
+        };
+        Ok(Self { options, theta: tensor("train.weights")?, layout: network.layout, average: network.theta, optimizer })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPTIONS: TrainOptions =
+        TrainOptions { variant: Variant::Bidgcn, frame: true, steps: 1000, rate: 1e-3, seed: 3 };
+
+    #[test]
+    fn a_resumed_run_takes_the_same_steps() {
+        let mut trainer = Trainer::new(OPTIONS);
+        for _ in 0..2 {
+            trainer.step().unwrap();
+        }
+        let mut resumed = Trainer::resume(&trainer.checkpoint("test")).unwrap();
+        assert_eq!(trainer.step().unwrap(), resumed.step().unwrap());
+        assert_eq!(trainer.checkpoint("test"), resumed.checkpoint("test"));
+    }
+
+    #[test]
+    fn a_weights_file_is_no_checkpoint() {
+        let bytes = Trainer::new(OPTIONS).network("test").to_bytes();
+        assert!(matches!(Trainer::resume(&bytes), Err(NnError::OtherWeights { .. })));
+        assert_eq!(Bidgcn::load(&bytes).unwrap().weights(), 192_130);
+    }
+
+    #[test]
+    fn training_brings_the_parameters_nearer() {
+        let validation = Validation::new(1, 2).unwrap();
+        let mut trainer = Trainer::new(TrainOptions { steps: 60, rate: 2e-2, ..OPTIONS });
+        let error = |trainer: &Trainer| validation.scores(&trainer.network("test"))[0].parameter_error;
+        let before = error(&trainer);
+        for _ in 0..60 {
+            trainer.step().unwrap();
+        }
+        let after = error(&trainer);
+        assert!(after < 0.9 * before, "{after} after 60 steps, {before} before");
+    }
+}
