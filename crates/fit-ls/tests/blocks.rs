@@ -2,7 +2,9 @@
 
 use fit_ls::{BlockEquations, Cholesky, SortedPoints};
 use ndarray::Array2;
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap, SymmetricMatrix, SymmetricPattern};
+use thb_core::{
+    CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap, SymmetricMatrix, SymmetricPattern,
+};
 
 #[test]
 fn block_equations_are_the_sums_over_the_points() {
@@ -39,9 +41,8 @@ fn block_equations_are_the_sums_over_the_points() {
     for (column, ends) in blocked.columns().windows(2).enumerate() {
         for at in ends[0]..ends[1] {
             let row = blocked.rows()[at];
-            let sum: f64 = (0..m)
-                .map(|i| values[[i, row / N]] * values[[i, column / N]] * weight(i, row % N, column % N))
-                .sum();
+            let sum: f64 =
+                (0..m).map(|i| values[[i, row / N]] * values[[i, column / N]] * weight(i, row % N, column % N)).sum();
             assert!((matrix.values()[at] - sum).abs() < 1e-12, "entry ({row}, {column})");
         }
     }
@@ -80,5 +81,5 @@ fn moved_points_are_sorted_anew() {
         }
     }
     assert!(sorted.relocate(&moved, &cells[1..]).is_err());
-    assert!(sorted.relocate(&moved, &vec![16; 50]).is_err());
+    assert!(sorted.relocate(&moved, &[16; 50]).is_err());
 }

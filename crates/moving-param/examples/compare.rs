@@ -27,9 +27,8 @@ type Failure = Box<dyn Error>;
 fn main() -> Result<(), Failure> {
     let mut arguments = std::env::args().skip(1);
     let file = arguments.next().ok_or("name a CSV file with the columns u, v, x, y, z")?;
-    let settings: HashMap<String, String> = arguments
-        .filter_map(|a| a.split_once('=').map(|(key, value)| (key.to_owned(), value.to_owned())))
-        .collect();
+    let settings: HashMap<String, String> =
+        arguments.filter_map(|a| a.split_once('=').map(|(key, value)| (key.to_owned(), value.to_owned()))).collect();
     let text = |key: &str, default: &str| settings.get(key).cloned().unwrap_or_else(|| default.to_owned());
     let number = |key: &str, default: f64| -> Result<f64, Failure> { Ok(text(key, &default.to_string()).parse()?) };
     let (parameters, points) = read(&std::fs::read_to_string(&file)?)?;
@@ -74,13 +73,6 @@ fn main() -> Result<(), Failure> {
             for moves in method.reports() {
                 println!("    {moves:?}");
             }
-            let points = method.points();
-            if let Ok(list) = std::env::var("DBG") {
-                for at in list.split(',').filter_map(|x| x.parse::<usize>().ok()) {
-                    let i = points.order()[at] as usize;
-                    println!("{at} index {i} start {:?} now {:?}", parameters.row(i).to_vec(), points.parameter(at));
-                }
-            }
         }
     }
     Ok(())
@@ -98,15 +90,13 @@ where
 {
     let mut print = |i: &Iteration| {
         let (d, seconds) = (i.deviation, clock.elapsed().as_secs_f64());
-        println!("  {:2} {:6} dofs, MAX {:.3e}, MSE {:.3e}, within {:.4}, {seconds:.2} s", i.iteration, i.dofs, d.max, d.mse, d.within);
+        println!(
+            "  {:2} {:6} dofs, MAX {:.3e}, MSE {:.3e}, within {:.4}, {seconds:.2} s",
+            i.iteration, i.dofs, d.max, d.mse, d.within
+        );
         ControlFlow::Continue(())
     };
-    let Outcome { map, stop, failure, .. } = run(method, space.clone(), options, &mut print)?;
-    if std::env::var("DBG").is_ok() {
-        let e = method.estimate(&map)?;
-        let bad: Vec<usize> = (0..e.errors.len()).filter(|&i| e.errors[i] > options.tolerance).collect();
-        println!("{bad:?} {:?}", bad.iter().map(|&i| e.errors[i]).collect::<Vec<_>>());
-    }
+    let Outcome { stop, failure, .. } = run(method, space.clone(), options, &mut print)?;
     println!("  {} {}", stop.name(), failure.map_or(String::new(), |e| e.to_string()));
     Ok(())
 }
@@ -164,7 +154,8 @@ impl HasPosition for Vertex {
 
 /// The Delaunay triangles of the parameters.
 fn delaunay(parameters: &Array2<f64>) -> Result<Vec<[u32; 3]>, Failure> {
-    let vertices = parameters.outer_iter().enumerate().map(|(i, u)| Vertex(Point2::new(u[0], u[1]), i as u32)).collect();
+    let vertices =
+        parameters.outer_iter().enumerate().map(|(i, u)| Vertex(Point2::new(u[0], u[1]), i as u32)).collect();
     let triangulation = DelaunayTriangulation::<Vertex>::bulk_load_stable(vertices)?;
     Ok(triangulation.inner_faces().map(|face| face.vertices().map(|v| v.data().1)).collect())
 }

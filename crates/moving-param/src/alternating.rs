@@ -46,7 +46,8 @@ impl<const D: usize> MovingFit<D> {
         let frames = frames(map, points)?;
         let gamma = gammas(&frames, points.order(), blend);
         let coefficients = map.coefficients().to_owned();
-        let held: Vec<usize> = (0..points.len()).filter(|&at| constraints.is_held(points.order()[at] as usize)).collect();
+        let held: Vec<usize> =
+            (0..points.len()).filter(|&at| constraints.is_held(points.order()[at] as usize)).collect();
         let boundary = boundary_functions(&space);
         let fixed = match held.is_empty() {
             true => None,

@@ -25,9 +25,8 @@ impl<const D: usize> Constraints<D> {
         if boundary == Boundary::Free {
             return Self { held: Vec::new() };
         }
-        let on_side = |row: ndarray::ArrayView1<'_, f64>, d: usize| {
-            row.get(d).is_some_and(|&u| u == lower[d] || u == upper[d])
-        };
+        let on_side =
+            |row: ndarray::ArrayView1<'_, f64>, d: usize| row.get(d).is_some_and(|&u| u == lower[d] || u == upper[d]);
         let bits = |row| (0..D).fold(0, |bits, d| bits | u8::from(on_side(row, d)) << d);
         Self { held: parameters.outer_iter().map(bits).collect() }
     }

@@ -62,8 +62,7 @@ impl Triangles {
                 if hit[at] && halvings[at] < MAX_HALVINGS {
                     halvings[at] += 1;
                     changed = true;
-                    let share =
-                        if halvings[at] == MAX_HALVINGS { 0.0 } else { 0.5_f64.powi(i32::from(halvings[at])) };
+                    let share = if halvings[at] == MAX_HALVINGS { 0.0 } else { 0.5_f64.powi(i32::from(halvings[at])) };
                     let from = points.parameter(at);
                     moved[at] = std::array::from_fn(|d| from[d] + share * (target[at][d] - from[d]));
                 }

@@ -3,15 +3,16 @@
 use std::ops::Range;
 
 use fit_ls::SortedPoints;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use ndarray::Array2;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use thb_core::{BezierMap, CellSpace, ClosestPoints, HierarchicalSpace, SplineMap};
 
-use crate::constraint::Constraints;
-use crate::patch::{Jet, MAX_DIM, Patch, Vector, difference, dot};
 use crate::Error;
+use crate::constraint::Constraints;
+use crate::descent::{Descent, DescentState, Local};
+use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
+use crate::samples::Samples;
 
 /// Where the search for a foot point starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,23 +44,6 @@ impl Default for FootPointOptions {
     fn default() -> Self {
         Self { start: Start::Present, descent: Descent::Newton, max_steps: 20 }
     }
-}
-
-/// How the squared distance is minimized. The others are there to be compared with.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Descent {
-    /// Newton's method with the exact Hessian, damped where it does not descend.
-    Newton,
-    /// Steepest descent with halved steps, until the step in the parameters falls below `min_step`.
-    Gradient {
-        /// Smallest step, in parameters.
-        min_step: f64,
-    },
-    /// The quasi-Newton method of a parameter's own few steps (BFGS): first derivatives only.
-    QuasiNewton {
-        /// Smallest step, in parameters.
-        min_step: f64,
-    },
 }
 
 /// Foot points of sorted points, in their order.
@@ -347,13 +331,16 @@ impl<'a, const D: usize> Search<'a, D> {
         while steps < self.options.max_steps {
             let size = patch.size();
             let free = std::array::from_fn(|d| {
-                free[d] && !(u[d] <= lower[d] && local.gradient[d] >= 0.0 || u[d] >= upper[d] && local.gradient[d] <= 0.0)
+                free[d]
+                    && !(u[d] <= lower[d] && local.gradient[d] >= 0.0 || u[d] >= upper[d] && local.gradient[d] <= 0.0)
             });
             let Some(step) = state.step(&local, u, free, size) else { break };
             let relative = |v: &[f64; D]| (0..D).map(|d| (v[d] / size[d]).abs()).fold(0.0, f64::max);
             let shrink = (REACH / relative(&step)).min(1.0);
             let candidate: [f64; D] =
-                std::array::from_fn(|d| if free[d] { (u[d] + shrink * step[d]).clamp(lower[d], upper[d]) } else { u[d] });
+                std::array::from_fn(
+                    |d| if free[d] { (u[d] + shrink * step[d]).clamp(lower[d], upper[d]) } else { u[d] },
+                );
             let moved = relative(&std::array::from_fn(|d| candidate[d] - u[d]));
             if moved <= NO_STEP || moved.is_nan() {
                 break;
@@ -387,229 +374,6 @@ fn nearer<const D: usize>(a: Found<D>, b: Found<D>) -> Found<D> {
     Found { steps, ..best }
 }
 
-/// The squared distance at a parameter, with the derivatives of its half.
-struct Local<const D: usize> {
-    squared: f64,
-    gradient: [f64; D],
-    hessian: [[f64; D]; D],
-    /// The part of the Hessian without second derivatives: never indefinite.
-    metric: [[f64; D]; D],
-}
-
-impl<const D: usize> Local<D> {
-    #[inline(always)]
-    fn new(jet: &Jet<D>, point: &Vector) -> Self {
-        let residual = difference(&jet.value, point);
-        let mut metric = [[0.0; D]; D];
-        let mut hessian = [[0.0; D]; D];
-        for a in 0..D {
-            for b in a..D {
-                metric[a][b] = dot(&jet.first[a], &jet.first[b]);
-                hessian[a][b] = metric[a][b] + dot(&jet.second[a][b], &residual);
-                (metric[b][a], hessian[b][a]) = (metric[a][b], hessian[a][b]);
-            }
-        }
-        let gradient = std::array::from_fn(|a| dot(&jet.first[a], &residual));
-        Self { squared: dot(&residual, &residual), gradient, hessian, metric }
-    }
-}
-
-/// What a descent remembers from step to step.
-enum DescentState<const D: usize> {
-    Newton { damping: f64 },
-    Gradient { length: f64, min_step: f64 },
-    QuasiNewton { inverse: [[f64; D]; D], before: Option<([f64; D], [f64; D])>, length: f64, min_step: f64 },
-}
-
-/// First damping of a Newton step that did not descend, as a share of the metric; then it grows by `DAMPING_FACTOR`.
-const FIRST_DAMPING: f64 = 0.1;
-
-/// Growth of the damping.
-const DAMPING_FACTOR: f64 = 10.0;
-
-impl<const D: usize> DescentState<D> {
-    fn new(descent: Descent) -> Self {
-        match descent {
-            Descent::Newton => Self::Newton { damping: 0.0 },
-            Descent::Gradient { min_step } => Self::Gradient { length: 1.0, min_step },
-            Descent::QuasiNewton { min_step } => {
-                Self::QuasiNewton { inverse: [[0.0; D]; D], before: None, length: 1.0, min_step }
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn step(&mut self, local: &Local<D>, u: [f64; D], free: [bool; D], size: [f64; D]) -> Option<[f64; D]> {
-        match self {
-            Self::Newton { damping } => solve_positive(&local.hessian, &local.metric, *damping, &local.gradient, free)
-                .or_else(|| solve_positive(&local.metric, &local.metric, *damping, &local.gradient, free)),
-            Self::Gradient { length, .. } => {
-                // The first trial step minimizes along the gradient if the map were linear.
-                let g: [f64; D] = std::array::from_fn(|d| if free[d] { local.gradient[d] } else { 0.0 });
-                let (slope, bend) = quadratic(&g, &local.metric);
-                (bend > 0.0).then(|| g.map(|x| -x * *length * slope / bend))
-            }
-            Self::QuasiNewton { inverse, before, length, .. } => {
-                match before {
-                    Some((old_u, old_gradient)) => update_inverse(
-                        inverse,
-                        std::array::from_fn(|d| u[d] - old_u[d]),
-                        std::array::from_fn(|d| local.gradient[d] - old_gradient[d]),
-                    ),
-                    None => (0..D).for_each(|d| inverse[d][d] = size[d] * size[d] / trace(&local.metric, size)),
-                }
-                *before = Some((u, local.gradient));
-                let product = |a: usize| (0..D).map(|b| inverse[a][b] * local.gradient[b]).sum::<f64>();
-                let step = std::array::from_fn(|a| if free[a] { -product(a) * *length } else { 0.0 });
-                let descends = (0..D).map(|d| step[d] * local.gradient[d]).sum::<f64>() < 0.0;
-                descends.then_some(step)
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn accepted(&mut self) {
-        match self {
-            Self::Newton { damping } => *damping /= DAMPING_FACTOR,
-            Self::Gradient { length, .. } | Self::QuasiNewton { length, .. } => *length = 1.0,
-        }
-    }
-
-    /// Shortens the next step; false if it would be too short.
-    fn rejected(&mut self, moved: f64) -> bool {
-        match self {
-            Self::Newton { damping } => {
-                *damping = (*damping * DAMPING_FACTOR).max(FIRST_DAMPING);
-                true
-            }
-            Self::Gradient { length, min_step } | Self::QuasiNewton { length, min_step, .. } => {
-                *length *= 0.5;
-                0.5 * moved >= *min_step
-            }
-        }
-    }
-}
-
-fn trace<const D: usize>(metric: &[[f64; D]; D], size: [f64; D]) -> f64 {
-    (0..D).map(|d| metric[d][d] * size[d] * size[d]).sum::<f64>().max(f64::MIN_POSITIVE)
-}
-
-/// `gᵀg` and `gᵀMg`.
-fn quadratic<const D: usize>(g: &[f64; D], m: &[[f64; D]; D]) -> (f64, f64) {
-    let product = |a: usize| (0..D).map(|b| m[a][b] * g[b]).sum::<f64>();
-    ((0..D).map(|a| g[a] * g[a]).sum(), (0..D).map(|a| g[a] * product(a)).sum())
-}
-
-/// The BFGS update of an inverse Hessian for a step and the change of the gradient; none where the curvature is not
-/// positive.
-fn update_inverse<const D: usize>(inverse: &mut [[f64; D]; D], step: [f64; D], change: [f64; D]) {
-    let curvature: f64 = (0..D).map(|d| step[d] * change[d]).sum();
-    if curvature <= 0.0 || curvature.is_nan() {
-        return;
-    }
-    let hy: [f64; D] = std::array::from_fn(|a| (0..D).map(|b| inverse[a][b] * change[b]).sum());
-    let yhy: f64 = (0..D).map(|d| change[d] * hy[d]).sum();
-    for a in 0..D {
-        for b in 0..D {
-            inverse[a][b] += (1.0 + yhy / curvature) * step[a] * step[b] / curvature
-                - (hy[a] * step[b] + step[a] * hy[b]) / curvature;
-        }
-    }
-}
-
-/// Solves `(M + damping · diag(S)) x = −g` in the free directions by Cholesky factorization; `None` unless positive
-/// definite beyond round-off.
-#[inline(always)]
-pub(crate) fn solve_positive<const D: usize>(
-    matrix: &[[f64; D]; D],
-    scale: &[[f64; D]; D],
-    damping: f64,
-    gradient: &[f64; D],
-    free: [bool; D],
-) -> Option<[f64; D]> {
-    let mut factor = [[0.0; D]; D];
-    let mut x = [0.0; D];
-    for i in 0..D {
-        for j in 0..=i {
-            let entry = match (i == j, free[i] && free[j]) {
-                (true, true) => matrix[i][i] + damping * scale[i][i],
-                (true, false) => 1.0,
-                (false, true) => matrix[i][j],
-                (false, false) => 0.0,
-            };
-            let mut rest = entry;
-            for k in 0..j {
-                rest -= factor[i][k] * factor[j][k];
-            }
-            if i == j {
-                if rest <= f64::EPSILON * entry.abs() || rest.is_nan() {
-                    return None;
-                }
-                factor[i][i] = rest.sqrt();
-            } else {
-                factor[i][j] = rest / factor[j][j];
-            }
-        }
-        let mut right = if free[i] { -gradient[i] } else { 0.0 };
-        for k in 0..i {
-            right -= factor[i][k] * x[k];
-        }
-        x[i] = right / factor[i][i];
-    }
-    for i in (0..D).rev() {
-        for k in i + 1..D {
-            x[i] -= factor[k][i] * x[k];
-        }
-        x[i] /= factor[i][i];
-    }
-    Some(x)
-}
-
-/// Most samples along a side.
-const MOST_PER_LINE: usize = 512;
-
-/// Samples of a map, searched for the nearest.
-struct Samples<const D: usize> {
-    /// Samples along a line across the whole domain.
-    per_line: usize,
-    tree: ImmutableKdTree<f64, MAX_DIM>,
-    at: Vec<(u32, [f64; D])>,
-}
-
-impl<const D: usize> Samples<D> {
-    /// `count` samples per direction in the interior of each cell.
-    fn new(map: &BezierMap<D>, count: usize) -> Result<Self, Error> {
-        let count = count.max(1);
-        let (at, images): (Vec<_>, Vec<_>) = (0..map.n_cells())
-            .into_par_iter()
-            .flat_map_iter(|cell| {
-                let patch = Patch::new(map, cell);
-                let (lower, upper) = map.cell_box(cell);
-                (0..count.pow(D as u32)).map(move |linear| {
-                    let u = std::array::from_fn(|d| {
-                        let i = linear / count.pow(d as u32) % count;
-                        lower[d] + (upper[d] - lower[d]) * (i as f64 + 0.5) / count as f64
-                    });
-                    let value = patch.jet(u).value;
-                    ((cell as u32, u), [value[0], value[1], value[2]])
-                })
-            })
-            .unzip();
-        let failed = |_| Error::Shape { what: "samples of the map", given: 0, expected: 1 };
-        let tree = ImmutableKdTree::new_from_slice(&images).map_err(failed)?;
-        // As if all cells lay on one line, which is more than enough.
-        let per_line = (count * map.n_cells()).min(MOST_PER_LINE);
-        Ok(Self { per_line, tree, at })
-    }
-
-    fn nearest(&self, point: &Vector) -> (usize, [f64; D]) {
-        let query = [point[0], point[1], point[2]];
-        let item = self.tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute().item;
-        let (cell, u) = self.at[item as usize];
-        (cell as usize, u)
-    }
-}
-
 /// Foot points of points `(m, N)` from parameters `(m, D)`, in their order: a plain call of [`foot_points`].
 /// Returns the parameters `(m, D)`, the distances, and the report.
 ///
@@ -634,4 +398,3 @@ pub fn project<const D: usize>(
     }
     Ok((result, distances, found.report))
 }
-

@@ -9,7 +9,8 @@ use thb_core::{BezierMap, SplineMap};
 
 use crate::Error;
 use crate::constraint::Constraints;
-use crate::foot_point::{check, point, solve_positive};
+use crate::descent::solve_positive;
+use crate::foot_point::{check, point};
 use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
 
 /// Residual `s(u) − p` and tangents of the map at one point.

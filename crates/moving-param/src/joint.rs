@@ -18,13 +18,13 @@ use crate::{Error, JointOptions};
 const FIRST_DAMPING: f64 = 1e-2;
 
 /// Factor of the damping after a step that lowered the objective.
-const DECREASE: f64 = 0.2;
+const DECREASE: f64 = 0.1;
 
 /// Factor after one that did not.
 const INCREASE: f64 = 10.0;
 
-/// Below this damping the equations are too near to singular; tangent motion then costs a millionth of normal motion.
-const LEAST_DAMPING: f64 = 1e-6;
+/// Below this damping the equations are too near to singular; tangent motion is then all but free.
+const LEAST_DAMPING: f64 = 1e-10;
 
 /// Beyond this damping a step is one of point distances: if that does not lower the objective nothing will.
 const MOST_DAMPING: f64 = 1e4;
@@ -189,8 +189,7 @@ impl<const D: usize> MovingFit<D> {
             }
         }
         self.hold(trial, &mut parameters, &mut cells, moves)?;
-        let options =
-            FootPointOptions { start: Start::Present, max_steps: polish, ..self.options.foot_points };
+        let options = FootPointOptions { start: Start::Present, max_steps: polish, ..self.options.foot_points };
         let starts = (&parameters[..], &cells[..]);
         let mut found = foot_points_from(trial, points, Some(starts), &constraints, &options)?;
         if polish > 0 && self.hold(trial, &mut found.parameters, &mut found.cells, moves)? {

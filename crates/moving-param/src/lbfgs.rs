@@ -70,6 +70,9 @@ impl<const D: usize> MovingFit<D> {
     }
 }
 
+/// Unknowns, cost and gradient.
+type Evaluated = (Vec<f64>, f64, Vec<f64>);
+
 /// `½ Σ ω |s(u) − p|² + ½ λ J(c)` as a function of scaled coefficients and free parameters.
 pub(crate) struct Problem<'a, const D: usize> {
     space: Arc<HierarchicalSpace<D>>,
@@ -82,7 +85,7 @@ pub(crate) struct Problem<'a, const D: usize> {
     /// Position and direction of each parameter that moves, and its scale.
     free: Vec<(u32, u8, f64)>,
     /// The last values, so that cost and gradient at one place cost one pass.
-    last: Mutex<Option<(Vec<f64>, f64, Vec<f64>)>>,
+    last: Mutex<Option<Evaluated>>,
 }
 
 impl<'a, const D: usize> Problem<'a, D> {
@@ -116,8 +119,10 @@ impl<'a, const D: usize> Problem<'a, D> {
     pub(crate) fn pack(&self, map: &SplineMap<D>) -> Vec<f64> {
         let coefficients = map.coefficients();
         let rows = coefficients.outer_iter().zip(&self.coefficient_scale);
-        let mut unknowns: Vec<f64> = rows.flat_map(|(row, scale)| row.to_vec().into_iter().map(move |c| c / scale)).collect();
-        unknowns.extend(self.free.iter().map(|&(at, d, scale)| self.points.parameters(d as usize)[at as usize] / scale));
+        let mut unknowns: Vec<f64> =
+            rows.flat_map(|(row, scale)| row.to_vec().into_iter().map(move |c| c / scale)).collect();
+        unknowns
+            .extend(self.free.iter().map(|&(at, d, scale)| self.points.parameters(d as usize)[at as usize] / scale));
         unknowns
     }
 
@@ -179,8 +184,7 @@ impl<'a, const D: usize> Problem<'a, D> {
                 energy += column[j] * x;
             }
         }
-        let mut scaled: Vec<f64> =
-            gradient.indexed_iter().map(|((j, _), g)| g * self.coefficient_scale[j]).collect();
+        let mut scaled: Vec<f64> = gradient.indexed_iter().map(|((j, _), g)| g * self.coefficient_scale[j]).collect();
         let (lower, upper) = self.space.domain();
         let first = scaled.len();
         for (&(at, d, scale), &x) in self.free.iter().zip(&unknowns[first..]) {
@@ -312,8 +316,7 @@ mod tests {
         let space = HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap();
         let space = Arc::new(space.refine(&[4], &Refinement { extension: [2; 2], ..Refinement::default() }).unwrap());
         // A weighted cloud with points on two sides.
-        let parameters =
-            Array2::from_shape_fn((60, 2), |(i, d)| if i % 6 == 0 && d == 0 { 1.0 } else { random() });
+        let parameters = Array2::from_shape_fn((60, 2), |(i, d)| if i % 6 == 0 && d == 0 { 1.0 } else { random() });
         let targets = Array2::from_shape_simple_fn((60, 3), &mut random);
         let weights = ndarray::Array1::from_shape_simple_fn(60, || 0.5 + random());
         let mut points = SortedPoints::new(parameters.view(), targets.view(), Some(weights.view())).unwrap();

@@ -119,7 +119,9 @@ impl<const D: usize> MovingFit<D> {
     }
 
     pub(crate) fn constraints(&self) -> Constraints<D> {
-        self.constraints.clone().unwrap_or_else(|| Constraints::new(self.start.view(), ([0.0; D], [1.0; D]), Boundary::Free))
+        self.constraints
+            .clone()
+            .unwrap_or_else(|| Constraints::new(self.start.view(), ([0.0; D], [1.0; D]), Boundary::Free))
     }
 
     /// The equations of coupled steps in a space.
@@ -283,9 +285,10 @@ impl<const D: usize> Solve<D> for MovingFit<D> {
             moves.outside[1] = after.outside;
         }
         let moved = self.parameters();
-        let lengths = entry.outer_iter().zip(moved.outer_iter()).map(|(a, b)| {
-            a.iter().zip(&b).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt()
-        });
+        let lengths = entry
+            .outer_iter()
+            .zip(moved.outer_iter())
+            .map(|(a, b)| a.iter().zip(&b).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt());
         for length in lengths {
             moves.mean_move += length / entry.nrows() as f64;
             moves.max_move = moves.max_move.max(length);

@@ -101,8 +101,8 @@ impl StepSystem {
         let held: Fixed =
             (0..boundary.len()).filter(|&j| !boundary[j]).map(|j| (j, vec![0.0; right.ncols()])).collect();
         eliminate(&mut matrix, &mut right, &held)?;
-        let mut solver = Cholesky::new(matrix.pattern())
-            .map_err(|_| fit_ls::Error::OutOfMemory { functions: boundary.len() })?;
+        let mut solver =
+            Cholesky::new(matrix.pattern()).map_err(|_| fit_ls::Error::OutOfMemory { functions: boundary.len() })?;
         let Some(step) = solve(&mut solver, &matrix, &right, boundary.len())? else { return Ok(None) };
         Ok(Some((0..boundary.len()).filter(|&j| boundary[j]).map(|j| (j, step.row(j).to_vec())).collect()))
     }

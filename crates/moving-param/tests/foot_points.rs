@@ -62,8 +62,7 @@ fn planted<const D: usize>(degree: usize, n: usize) {
     // 5 % of a cell.
     let moved = exact.mapv(|u| (u + 0.0125 * (2.0 * random.next() - 1.0)).clamp(0.0, 1.0));
     let options = FootPointOptions::default();
-    let (found, distances, report) =
-        project::<D>(&map, moved.view(), points.view(), Boundary::Free, &options).unwrap();
+    let (found, distances, report) = project::<D>(&map, moved.view(), points.view(), Boundary::Free, &options).unwrap();
     for i in 0..exact.nrows() {
         assert!(distances[i] < 1e-11, "degree {degree}: point {i} is {:e} away", distances[i]);
         for d in 0..D {
@@ -83,7 +82,9 @@ fn points_off_the_surface_reach_the_global_distance() {
     let closest = ClosestPoints::new(map.bezier().clone()).unwrap();
     let global: Vec<f64> = points.outer_iter().map(|p| closest.closest(&p.to_vec()).distance).collect();
     let near = |distances: &[f64]| distances.iter().zip(&global).filter(|(d, g)| *d - *g < 1e-9).count();
-    for (start, share) in [(Start::Present, 0.999), (Start::Both(3), 1.0), (Start::Sampled(3), 0.999), (Start::Global, 1.0)] {
+    for (start, share) in
+        [(Start::Present, 0.999), (Start::Both(3), 1.0), (Start::Sampled(3), 0.999), (Start::Global, 1.0)]
+    {
         let options = FootPointOptions { start, ..FootPointOptions::default() };
         let (_, distances, _) = project::<2>(&map, exact.view(), points.view(), Boundary::Free, &options).unwrap();
         let found = near(&distances);

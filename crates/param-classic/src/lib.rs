@@ -42,7 +42,7 @@ pub use mesh_map::{MeshMap, MeshMapParams, MeshMapReport, map_disk};
 pub use quality::{Distortion, MapQuality, map_quality};
 pub use sequence::{Rule, parameterize_sequence};
 pub use sides::{BoundaryParameters, side_parameters};
-pub use spanned::{SpannedMap, SpannedMapParams, SpannedMapReport, map_spanned};
+pub use spanned::{SpannedMap, SpannedMapParams, SpannedMapReport, map_mesh, map_spanned};
 pub use spread::{Assessment, CloudQuality, Verdict, Void, cloud_quality};
 pub use triangulate::triangulate_parameters;
 pub use weights::{HALF_TANGENT_LIMIT, Weights};

@@ -5,7 +5,8 @@ use point_cloud::vec3::{cross, norm, sub};
 use point_cloud::{CloudBoundary, CloudError, CornerChoice, DiskMesh, LargestDisk, TriangleMesh, largest_disk};
 
 use crate::{
-    InjectiveParams, InjectiveReport, MeshMapParams, MeshMapReport, ParamError, extend_map, map_disk, refine_injective,
+    InjectiveParams, InjectiveReport, MeshMapParams, MeshMapReport, ParamError, Verdict, extend_map, map_disk,
+    refine_injective,
 };
 
 /// Options of [`map_spanned`].
@@ -15,6 +16,8 @@ pub struct SpannedMapParams {
     pub map: MeshMapParams,
     /// Its refinement, if any.
     pub refinement: Option<InjectiveParams>,
+    /// Whether maps that are good as they come out are refined too.
+    pub refine_good: bool,
     /// Parts of the mesh whose share of the square is smaller than their share of the surface by more than this factor are
     /// taken out of it, at least 1.
     pub most_shrinkage: f64,
@@ -24,7 +27,12 @@ impl Default for SpannedMapParams {
     /// Shrinkage up to 1000: the finest meshes of real faces, hulls and car bodies stay below 400. No level of refinement
     /// of a surface could follow more.
     fn default() -> Self {
-        Self { map: MeshMapParams::default(), refinement: Some(InjectiveParams::default()), most_shrinkage: 1e3 }
+        Self {
+            map: MeshMapParams::default(),
+            refinement: Some(InjectiveParams::default()),
+            refine_good: true,
+            most_shrinkage: 1e3,
+        }
     }
 }
 
@@ -52,8 +60,8 @@ pub struct SpannedMapReport {
     pub off_mesh: Vec<u32>,
     /// How many of them were taken out of the mesh because the map would shrink them too much.
     pub shrunk: usize,
-    /// Largest distance of such a point from the mesh, in the units of the points.
-    pub farthest: f64,
+    /// Distance of each of them from the mesh, in the units of the points.
+    pub distances: Vec<f64>,
 }
 
 /// Rounds of taking shrunk parts out. What is left of a pocket after one is shallower.
@@ -74,20 +82,43 @@ pub fn map_spanned(
     boundary: &CloudBoundary,
     params: &SpannedMapParams,
 ) -> Result<SpannedMap, ParamError> {
-    let span = tracing::info_span!("map_spanned", points = points.nrows());
+    let (disk, rows) = boundary.disk_mesh(points)?;
+    map_through(points, disk, rows, params)
+}
+
+/// As [`map_spanned`] for a mesh: all of its vertices get parameters, those of deep pockets by projection.
+///
+/// # Errors
+/// Those of [`map_spanned`].
+pub fn map_mesh(disk: DiskMesh, params: &SpannedMapParams) -> Result<SpannedMap, ParamError> {
+    let vertices = disk.vertices().to_owned();
+    let rows = (0..vertices.nrows()).collect();
+    map_through(vertices.view(), disk, rows, params)
+}
+
+/// Maps `points` through a mesh over some of them, the given `rows`, increasing.
+fn map_through(
+    points: ArrayView2<'_, f64>,
+    mut disk: DiskMesh,
+    mut rows: Vec<usize>,
+    params: &SpannedMapParams,
+) -> Result<SpannedMap, ParamError> {
+    let span = tracing::info_span!("map_through", points = points.nrows());
     let _guard = span.enter();
     if params.most_shrinkage.is_nan() || params.most_shrinkage < 1.0 {
         let (name, value) = ("most_shrinkage", params.most_shrinkage);
         return Err(CloudError::BadOption { name, value, range: "at least 1" }.into());
     }
-    let (mut disk, mut rows) = boundary.disk_mesh(points)?;
     let spanned = rows.len();
     let mut round = 1;
     let (map, parameters, refinement) = loop {
         let map = map_disk(&disk, &MeshMapParams { corners: on_mesh(params.map.corners, &rows)?, ..params.map })?;
+        let good = map.report.quality.assessment().verdict == Verdict::Good;
         let refined = match &params.refinement {
-            Some(options) => Some(refine_injective(disk.vertices(), disk.triangles(), map.parameters.view(), options)?),
-            None => None,
+            Some(options) if params.refine_good || !good => {
+                Some(refine_injective(disk.vertices(), disk.triangles(), map.parameters.view(), options)?)
+            }
+            _ => None,
         };
         let (uv, refinement) = match refined {
             Some(refined) => (refined.parameters, Some(refined.report)),
@@ -111,14 +142,16 @@ pub fn map_spanned(
         extend_map(disk.vertices(), disk.triangles(), parameters.view(), points.select(Axis(0), &off_mesh).view())?;
     let mut all = Array2::zeros((points.nrows(), 2));
     for (part, part_rows) in [(&parameters, &rows), (&others.parameters, &off_mesh)] {
-        part_rows.iter().zip(part.rows()).for_each(|(&row, uv)| all.row_mut(row).assign(&uv));
+        for (&row, uv) in part_rows.iter().zip(part.rows()) {
+            all.row_mut(row).assign(&uv.mapv(|x| x.clamp(0.0, 1.0)));
+        }
     }
     let report = SpannedMapReport {
         map: map.report,
         refinement,
         shrunk: spanned - rows.len(),
         off_mesh: off_mesh.iter().map(|&row| row as u32).collect(),
-        farthest: others.distances.iter().copied().fold(0.0, f64::max),
+        distances: others.distances,
     };
     tracing::info!(off_mesh = report.off_mesh.len(), shrunk = report.shrunk, "mapped a cloud");
     let row = |v: u32| rows[v as usize] as u32;

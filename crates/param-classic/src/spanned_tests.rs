@@ -25,7 +25,7 @@ fn every_point_gets_parameters_and_repeated_ones_the_same() {
     let boundary = find_boundary(points.view(), &BoundaryParams::default()).unwrap();
     let map = map_spanned(points.view(), &boundary, &SpannedMapParams::default()).unwrap();
     assert_eq!((map.report.off_mesh.as_slice(), map.report.shrunk), (&[301][..], 0));
-    assert!(map.report.farthest < 1e-12);
+    assert!(map.report.distances.iter().all(|d| *d < 1e-12));
     assert!((&map.parameters.row(300) - &map.parameters.row(301)).iter().all(|d| d.abs() < 1e-12));
     let quality = map_quality(points.view(), &map.triangles, map.parameters.view()).unwrap();
     assert!(quality.folded.is_empty() && quality.collapsed == 0);
@@ -78,11 +78,15 @@ fn a_deep_pocket_is_taken_out_and_projected() {
     let map = map_spanned(points.view(), &boundary, &params).unwrap();
     let report = &map.report;
     assert!(report.shrunk > 10 * around && report.shrunk < count - rings * around, "{report:?}");
-    assert!(report.farthest > 1.0 && report.off_mesh.len() == report.shrunk);
+    assert!(report.distances.iter().any(|d| *d > 1.0) && report.off_mesh.len() == report.shrunk);
     assert!(report.map.quality.area.unwrap().max < 3e3 && report.map.quality.folded.is_empty());
     assert!(map.parameters.iter().all(|x| (0.0..=1.0).contains(x)));
     // The bottom of the tube lies in the middle.
     assert!((0..2).all(|k| (map.parameters[[count, k]] - 0.5).abs() < 0.1), "{}", map.parameters.row(count));
+    // The same for the mesh itself.
+    let (disk, rows) = boundary.disk_mesh(points.view()).unwrap();
+    assert_eq!(rows.len(), points.nrows());
+    assert_eq!(map_mesh(disk, &params).unwrap(), map);
     let bad = SpannedMapParams { most_shrinkage: 0.5, ..Default::default() };
     assert!(map_spanned(points.view(), &boundary, &bad).is_err());
 }

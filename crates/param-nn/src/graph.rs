@@ -7,9 +7,6 @@ use crate::real::{matrix, product, vectorized};
 /// Rows whose products with all points are formed at once: a block of 64 rows by 10⁴ points takes 2.5 MB.
 const BLOCK: usize = 64;
 
-/// Distances that are compared with the bound before any of them is looked at alone.
-const LANES: usize = 32;
-
 /// Edges from sources to targets, grouped by target.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Graph {
@@ -75,7 +72,7 @@ pub(crate) fn radius_graph(queries: &[f32], points: &[f32], width: usize, radius
             let mut products = vec![0.0; count * n];
             product(&mut products, matrix(rows, width), matrix(&points, width).transpose());
             let (mut counts, mut sources) = (Vec::with_capacity(count), Vec::with_capacity(count * cap));
-            let mut nearest = Nearest::new(cap);
+            let mut nearest = Nearest::new(cap, n);
             for (i, (row, products)) in rows.chunks_exact(width).zip(products.chunks_exact_mut(n)).enumerate() {
                 let square: f32 = row.iter().map(|x| x * x).sum();
                 if own {
@@ -83,8 +80,8 @@ pub(crate) fn radius_graph(queries: &[f32], points: &[f32], width: usize, radius
                     products[index] = 0.5 * (square + squares[index]);
                 }
                 nearest.search(square, products, &squares, radius * radius);
-                counts.push(nearest.found.len() as u32);
-                sources.extend(nearest.found.iter().map(|key| *key as u32));
+                counts.push(nearest.found as u32);
+                sources.extend(nearest.indices());
             }
             (counts, sources)
         })
@@ -103,65 +100,62 @@ pub(crate) fn radius_graph(queries: &[f32], points: &[f32], width: usize, radius
 /// The nearest points of one query.
 struct Nearest {
     cap: usize,
+    distances: Vec<f32>,
     /// Squared distances in the upper half (the bits of positive floats are ordered as they are), indices in the lower.
-    found: Vec<u64>,
+    keys: Vec<u64>,
+    found: usize,
 }
 
+/// Halvings of the bound before those within it are sorted out; the result does not depend on it.
+const HALVINGS: usize = 12;
+
 impl Nearest {
-    fn new(cap: usize) -> Self {
-        Self { cap, found: Vec::with_capacity(3 * cap) }
+    fn new(cap: usize, points: usize) -> Self {
+        Self { cap, distances: vec![0.0; points], keys: vec![0; points + 1], found: 0 }
     }
 
     fn search(&mut self, square: f32, products: &[f32], squares: &[f32], bound: f32) {
         vectorized(
             #[inline(always)]
-            || self.search_lanes(square, products, squares, bound),
+            || self.collect(square, products, squares, bound),
         );
+        if self.found > self.cap {
+            self.keys[..self.found].select_nth_unstable(self.cap - 1);
+            self.found = self.cap;
+        }
     }
 
+    fn indices(&self) -> impl Iterator<Item = u32> {
+        self.keys[..self.found].iter().map(|key| *key as u32)
+    }
+
+    /// All points within a bound that holds at least `cap` points, if that many are within the given one.
     #[inline(always)]
-    fn search_lanes(&mut self, square: f32, products: &[f32], squares: &[f32], mut bound: f32) {
-        self.found.clear();
-        let mut distances = [0.0f32; LANES];
-        let (product_lanes, product_rest) = products.as_chunks::<LANES>();
-        let (square_lanes, square_rest) = squares.as_chunks::<LANES>();
-        for (chunk, (p, s)) in product_lanes.iter().zip(square_lanes).enumerate() {
-            let mut least = f32::INFINITY;
-            for k in 0..LANES {
-                distances[k] = square + s[k] - 2.0 * p[k];
-                least = if distances[k] < least { distances[k] } else { least };
-            }
-            if least <= bound {
-                for (k, &d) in distances.iter().enumerate() {
-                    bound = self.offer(d, chunk * LANES + k, bound);
-                }
-            }
+    fn collect(&mut self, square: f32, products: &[f32], squares: &[f32], bound: f32) {
+        for (d, (p, s)) in self.distances.iter_mut().zip(products.iter().zip(squares)) {
+            *d = square + s - 2.0 * p;
         }
-        let first = product_lanes.len() * LANES;
-        for (k, (p, s)) in product_rest.iter().zip(square_rest).enumerate() {
-            bound = self.offer(square + s - 2.0 * p, first + k, bound);
-        }
-        self.shrink();
-    }
-
-    #[inline(always)]
-    fn offer(&mut self, distance: f32, index: usize, bound: f32) -> f32 {
-        if distance <= bound {
-            self.found.push(u64::from(distance.max(0.0).to_bits()) << 32 | index as u64);
-            if self.found.len() == 3 * self.cap {
-                self.shrink();
-                // Later points have larger indices: at the same distance they are no nearer.
-                return self.found.iter().map(|key| f32::from_bits((key >> 32) as u32)).fold(0.0, f32::max);
+        let distances = &self.distances;
+        // PERF: counting is a vector loop, sorting out is not; the bound is first brought near the cap-th distance.
+        let count = |bound: f32| distances.iter().map(|d| u32::from(*d <= bound)).sum::<u32>() as usize;
+        let (mut low, mut high) = (0.0, bound);
+        let mut inside = count(bound);
+        for _ in 0..HALVINGS {
+            if inside <= 2 * self.cap {
+                break;
+            }
+            let middle = 0.5 * (low + high);
+            match count(middle) {
+                fewer if fewer < self.cap => low = middle,
+                enough => (high, inside) = (middle, enough),
             }
         }
-        bound
-    }
-
-    fn shrink(&mut self) {
-        if self.found.len() > self.cap {
-            self.found.select_nth_unstable(self.cap - 1);
-            self.found.truncate(self.cap);
+        let mut found = 0;
+        for (index, d) in distances.iter().enumerate() {
+            self.keys[found] = u64::from(d.max(0.0).to_bits()) << 32 | index as u64;
+            found += usize::from(*d <= high);
         }
+        self.found = found;
     }
 }
 

@@ -1,5 +1,6 @@
 //! Learned parameterization of point sequences, grids and scattered clouds.
 //!
+//! - Scattered clouds with known boundary: [`Bidgcn`], and [`Trainer`] for its weights.
 //! - Synthetic clouds with known parameters: [`ScatteredSpec`].
 //! - Least squares with one Bézier patch, the yardstick of all networks: [`BezierFit`].
 //!

@@ -19,7 +19,7 @@ const ROUNDS: usize = 30;
 /// problems, Operations Research 6, 1958). Right where the points are closer along the curve than across it.
 ///
 /// # Errors
-/// [`CloudError::LoopTooShort`] for fewer than 3 points; those of [`Neighbours::nearest`].
+/// [`CloudError::TooFewPoints`] for fewer than 3 points; those of [`Neighbours::nearest`].
 pub fn order_loop(points: ArrayView2<'_, f64>) -> Result<Vec<u32>, CloudError> {
     let places = rows(points)?;
     let n = places.len();
@@ -152,8 +152,8 @@ mod tests {
 
     #[test]
     fn a_shuffled_curve_comes_back_in_order() {
-        for n in [7, 60, 401] {
-            let points = star(n, 3 + n / 5 * 2 + usize::from((3 + n / 5 * 2) % 7 == 0) * 2);
+        for (n, step) in [(7, 3), (60, 23), (401, 163)] {
+            let points = star(n, step);
             let in_order = star(n, 1);
             let order: Vec<usize> = order_loop(points.view()).unwrap().iter().map(|&i| i as usize).collect();
             let mut rows = order.clone();

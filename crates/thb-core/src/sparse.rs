@@ -143,7 +143,11 @@ impl SymmetricMatrix {
         }
         let base = &parts[0].pattern;
         if pattern.n != base.n * size {
-            return Err(Error::Shape { what: "unknowns of a block pattern", given: pattern.n, expected: base.n * size });
+            return Err(Error::Shape {
+                what: "unknowns of a block pattern",
+                given: pattern.n,
+                expected: base.n * size,
+            });
         }
         let part = |a: usize, b: usize| {
             let (low, high) = (a.min(b), a.max(b));
@@ -154,7 +158,9 @@ impl SymmetricMatrix {
             let (first, last) = (base.columns[j], base.columns[j + 1]);
             for b in 0..size {
                 values.extend((b..size).map(|a| part(a, b)[first]));
-                values.extend((first + 1..last).flat_map(|at| (0..size).map(move |a| (at, a))).map(|(at, a)| part(a, b)[at]));
+                values.extend(
+                    (first + 1..last).flat_map(|at| (0..size).map(move |a| (at, a))).map(|(at, a)| part(a, b)[at]),
+                );
             }
         }
         Ok(Self { pattern: pattern.clone(), values })

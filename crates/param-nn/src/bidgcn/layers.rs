@@ -155,10 +155,12 @@ impl<T: Real> Normalized<T> {
                 }
                 let zero = T::from_f64(0.0);
                 for (row, out) in x.chunks_exact_mut(width).zip(result.chunks_exact_mut(width)) {
-                    for k in 0..width {
-                        row[k] *= inverse_deviation[k];
-                        let y = gamma[k] * row[k] + beta[k];
-                        out[k] = if y > zero { y } else { zero };
+                    // PERF: zipped, since indices of slices would be checked one by one.
+                    let affine = inverse_deviation.iter().zip(gamma.iter().zip(beta));
+                    for ((x, y), (inverse, (gamma, beta))) in row.iter_mut().zip(out).zip(affine) {
+                        *x *= *inverse;
+                        let value = *gamma * *x + *beta;
+                        *y = if value > zero { value } else { zero };
                     }
                 }
             },
@@ -176,15 +178,16 @@ impl<T: Real> Normalized<T> {
             #[inline(always)]
             || {
                 for (g, x) in gradient.chunks_exact(width).zip(self.normal.chunks_exact(width)) {
-                    for k in 0..width {
-                        for_gamma[k] += g[k] * x[k];
-                        for_beta[k] += g[k];
+                    let sums = for_gamma.iter_mut().zip(&mut for_beta);
+                    for ((gamma, beta), (g, x)) in sums.zip(g.iter().zip(x)) {
+                        *gamma += *g * *x;
+                        *beta += *g;
                     }
                 }
                 for (g, x) in gradient.chunks_exact_mut(width).zip(self.normal.chunks_exact(width)) {
-                    for k in 0..width {
-                        let centered = g[k] - share * (for_beta[k] + x[k] * for_gamma[k]);
-                        g[k] = affine[k] * self.inverse_deviation[k] * centered;
+                    let factors = affine.iter().zip(&self.inverse_deviation).zip(for_beta.iter().zip(&for_gamma));
+                    for ((g, x), ((gamma, inverse), (beta_sum, gamma_sum))) in g.iter_mut().zip(x).zip(factors) {
+                        *g = *gamma * *inverse * (*g - share * (*beta_sum + *x * *gamma_sum));
                     }
                 }
             },

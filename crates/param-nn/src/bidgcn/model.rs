@@ -27,7 +27,18 @@ pub struct Bidgcn {
     pub(crate) notes: BTreeMap<String, String>,
 }
 
+/// Trained by the command in its notes.
+const EMBEDDED: &[u8] = include_bytes!("../../weights/bidgcn.safetensors");
+
 impl Bidgcn {
+    /// The network that comes with this crate.
+    ///
+    /// # Errors
+    /// As [`Bidgcn::load`]; none if the crate was built from an undamaged file.
+    pub fn embedded() -> Result<Self, NnError> {
+        Self::load(EMBEDDED)
+    }
+
     /// A network from the bytes of a weights file.
     ///
     /// # Errors
@@ -138,3 +149,7 @@ impl Bidgcn {
         logits.as_chunks::<2>().0.iter().map(|pair| pair.map(sigmoid)).collect()
     }
 }
+
+#[cfg(test)]
+#[path = "model_tests.rs"]
+mod tests;

@@ -2,13 +2,16 @@
 
 use ndarray::{Array2, Axis};
 use param_classic::{
-    BoundaryParameters, CloudMap, CloudMapParams, CloudWeights, correct_shape, map_cloud, side_parameters,
+    BoundaryParameters, CloudMap, CloudMapParams, CloudWeights, correct_shape, map_cloud, map_spanned, side_parameters,
 };
 use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
 
 use super::{Layout, mesh};
 use crate::parameter_options::ParameterChoice;
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
+
+/// Distance from the mesh over a cloud, in spacings, from which on a point is not of the surface.
+pub(super) const STRAY: f64 = 4.0;
 
 /// A cloud to be laid out, and what the user says of it. Indices are of its points.
 pub(super) struct Cloud {
@@ -57,30 +60,40 @@ fn by_spanned_mesh(
     options: &ParameterOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
-    let (disk, kept) = found.disk_mesh(cloud.points.view())?;
-    let kept: Vec<u32> = kept.iter().map(|&row| row as u32).collect();
-    let corners = match cloud.corners {
-        Some(corners) => {
-            let mut vertices = [0; 4];
-            for (vertex, corner) in vertices.iter_mut().zip(corners) {
-                let row = corner.into();
-                *vertex =
-                    kept.binary_search(&corner).map_err(|_| Error::NoSuchPoint { option: "--corners", row })? as u32;
-            }
-            Some(vertices)
-        }
-        None => None,
+    let _ = watch(Event::Step("mapping the mesh"));
+    let params = mesh::map_params(ParameterChoice::MeanValue, cloud.corners, options);
+    let map = map_spanned(cloud.points.view(), found, &params)?;
+    let refined = map.report.refinement.is_some();
+    let stray = STRAY * found.spacing;
+    let off_mesh = map.report.off_mesh.iter().zip(&map.report.distances);
+    let far: Vec<u32> = off_mesh.filter(|(_, distance)| **distance > stray).map(|(&i, _)| i).collect();
+    let projected = map.report.off_mesh.len() - far.len();
+    let mut layout = Layout {
+        points: cloud.points.clone(),
+        rows: (0..cloud.points.nrows() as u32).collect(),
+        boundary: found.outer.clone(),
+        holes: found.holes.iter().map(|rim| hole(cloud, rim)).collect(),
+        method: if refined { "spanned mesh, mean-value, refined" } else { "spanned mesh, mean-value" },
+        ..Layout::default()
     };
-    let mut layout = mesh::map(&disk, ParameterChoice::MeanValue, corners, options, watch)?;
-    layout.of_rows(&kept);
-    layout.method = if layout.refined { "spanned mesh, mean-value, refined" } else { "spanned mesh, mean-value" };
-    if !found.left_out.is_empty() {
+    layout.take(map);
+    if projected > 0 {
         layout.warnings.push(format!(
-            "{} points are equal to others, stray or off the surface, and were left out",
-            found.left_out.len()
+            "{projected} points that fit no triangle of the mesh, or are equal to others, were projected onto it"
         ));
     }
+    if !far.is_empty() {
+        let kept: Vec<usize> = (0..cloud.points.nrows()).filter(|&i| far.binary_search(&(i as u32)).is_err()).collect();
+        layout.keep(&kept);
+        layout
+            .warnings
+            .push(format!("{} points are more than {stray:.4e} off the surface, and were left out", far.len()));
+    }
     Ok(layout)
+}
+
+fn hole(cloud: &Cloud, rim: &[u32]) -> HoleReport {
+    HoleReport { points: rim.len(), length: loop_length(cloud.points.select(Axis(0), &places(rim)).view()) }
 }
 
 /// Through the boundary, given or found, and weights of neighbours. The triangles found serve to measure the map only.
@@ -124,15 +137,11 @@ fn by_boundary(
             (parameters, method) = (corrected.parameters, "lpsp, corrected");
         }
     }
-    let rim = |rim: &Vec<u32>| HoleReport {
-        points: rim.len(),
-        length: loop_length(points.select(Axis(0), &places(rim)).view()),
-    };
     let mut layout = Layout {
         parameters,
         rows: (0..cloud.points.nrows() as u32).collect(),
         boundary: outer.clone(),
-        holes: spanned.map(|found| found.holes.iter().map(rim).collect()).unwrap_or_default(),
+        holes: spanned.map(|found| found.holes.iter().map(|rim| hole(cloud, rim)).collect()).unwrap_or_default(),
         corners: Some(positions.map(|at| outer[at])),
         method,
         warnings,

@@ -11,7 +11,7 @@ use point_cloud::spread_subset;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 
 use super::Layout;
-use super::cloud::{self, Cloud};
+use super::cloud::{self, Cloud, STRAY};
 use crate::parameter_options::ParameterChoice;
 use crate::{Error, Event, ParameterOptions, Watch};
 
@@ -24,10 +24,6 @@ const PROJECTIONS: [usize; 2] = [16, 32];
 
 /// Degree of these surfaces.
 const DEGREE: usize = 3;
-
-/// Distance from the mesh over the subset, in its spacings, from which on a point is not of the surface: noise within the
-/// subset has kept it off the mesh, or it is stray.
-const STRAY: f64 = 4.0;
 
 /// A projection is undone if it folds more than one in so many triangles. Noise across a narrow part folds a few.
 const FOLDED: usize = 100;

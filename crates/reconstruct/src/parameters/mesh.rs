@@ -1,9 +1,10 @@
 //! Maps of meshes onto the unit square.
 
 use geom_io::Scan;
-use param_classic::{InjectiveParams, MeshMapParams, Verdict, Weights, map_disk, refine_injective};
+use ndarray::Axis;
+use param_classic::{InjectiveParams, MeshMapParams, SpannedMap, SpannedMapParams, Weights, map_mesh};
 use point_cloud::{
-    CloudError, CornerChoice, DiskMesh, Pieces, TriangleMesh, drop_unreferenced, largest_piece,
+    CloudError, CornerChoice, DiskMesh, LargestDisk, Pieces, TriangleMesh, drop_unreferenced, largest_disk,
     merge_duplicate_vertices, unreferenced_vertices,
 };
 
@@ -32,7 +33,7 @@ pub(super) fn lay_out_or_take_vertices(
                 Some(corners) => Some(vertices_of(corners, &mesh, &kept, rows)?),
                 None => None,
             };
-            let mut layout = map(&disk, choice, corners, options, watch)?;
+            let mut layout = map(disk, choice, corners, options, watch)?;
             layout.of_rows(&kept);
             warnings.append(&mut layout.warnings);
             layout.warnings = warnings;
@@ -40,7 +41,7 @@ pub(super) fn lay_out_or_take_vertices(
         }
         Err(reason) => reason,
     };
-    if !spoils_edges_only(&no_disk) {
+    if !matches!(no_disk, Error::Cloud(CloudError::NonManifoldEdges { .. } | CloudError::NotOrientable { .. })) {
         return Err(no_disk);
     }
     let TriangleMesh { vertices, triangles } = mesh;
@@ -69,35 +70,23 @@ fn disk_of(mesh: &TriangleMesh) -> Result<(DiskMesh, Vec<u32>, Vec<String>), Err
         merged = part.mesh;
     }
     let sizes = Pieces::find(&merged)?.sizes;
-    let triangles: usize = sizes.iter().sum();
-    if sizes.len() > 1 && (triangles - sizes[0]) as f64 <= STRAY * triangles as f64 {
-        warnings.push(format!(
-            "{} stray pieces of the mesh with {} triangles were left out",
-            sizes.len() - 1,
-            triangles - sizes[0]
-        ));
-        let part = largest_piece(&merged)?;
-        kept = part.kept.iter().map(|&at| kept[at]).collect();
-        merged = part.mesh;
+    let largest = sizes.first().copied().unwrap_or(0);
+    if (merged.triangles.len() - largest) as f64 > STRAY * merged.triangles.len() as f64 {
+        return Err(CloudError::SeveralPieces { count: sizes.len(), sizes }.into());
     }
-    let disk = DiskMesh::new(merged)?;
+    let LargestDisk { disk, kept: in_disk, removed } = largest_disk(&merged)?;
+    if removed > 0 {
+        warnings.push(format!(
+            "{removed} triangles and {} vertices were taken out of the mesh to make it a disk: stray pieces, pinched \
+             vertices, handles",
+            kept.len() - in_disk.len()
+        ));
+    }
+    let kept = in_disk.iter().map(|&at| kept[at]).collect();
     if disk.flipped() > 0 {
         warnings.push(format!("{} triangles were turned over to agree with their neighbours", disk.flipped()));
     }
     Ok((disk, kept, warnings))
-}
-
-/// Whether a mesh is no disk because of how its triangles are joined, so that its vertices may still be of one.
-fn spoils_edges_only(reason: &Error) -> bool {
-    matches!(
-        reason,
-        Error::Cloud(
-            CloudError::PinchedVertices { .. }
-                | CloudError::NonManifoldEdges { .. }
-                | CloudError::Handles { .. }
-                | CloudError::NotOrientable { .. }
-        )
-    )
 }
 
 /// Vertices of the cleaned mesh at points of the given one; of equal vertices the first stayed.
@@ -113,66 +102,86 @@ fn vertices_of(corners: [u32; 4], mesh: &TriangleMesh, kept: &[u32], rows: &[u32
     Ok(vertices)
 }
 
+/// How a mesh is mapped.
+pub(super) fn map_params(
+    choice: ParameterChoice,
+    corners: Option<[u32; 4]>,
+    options: &ParameterOptions,
+) -> SpannedMapParams {
+    let uniform = choice == ParameterChoice::Uniform;
+    let refinement = InjectiveParams { slide: corners.is_none(), ..InjectiveParams::default() };
+    // The map with equal weights is what was asked for, unless its refinement was too.
+    let refined = options.refine == Refine::On || options.refine == Refine::Auto && !uniform;
+    SpannedMapParams {
+        map: MeshMapParams {
+            weights: if uniform { Weights::Uniform } else { Weights::MeanValue },
+            boundary: options.side_rule.rule(),
+            corners: corners.map_or(CornerChoice::default(), CornerChoice::Given),
+        },
+        refinement: refined.then_some(refinement),
+        refine_good: options.refine == Refine::On,
+        ..SpannedMapParams::default()
+    }
+}
+
 /// Maps a disk onto the unit square and refines the map.
-pub(super) fn map(
-    disk: &DiskMesh,
+fn map(
+    disk: DiskMesh,
     choice: ParameterChoice,
     corners: Option<[u32; 4]>,
     options: &ParameterOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
-    let (weights, mut method) = match choice {
-        ParameterChoice::Uniform => (Weights::Uniform, "uniform"),
-        _ => (Weights::MeanValue, "mean-value"),
-    };
-    let params = MeshMapParams {
-        weights,
-        boundary: options.side_rule.rule(),
-        corners: corners.map_or(CornerChoice::default(), CornerChoice::Given),
-    };
-    let _ = watch(Event::Step("mapping the mesh"));
-    let map = map_disk(disk, &params)?;
-    let mut warnings = Vec::new();
-    if map.report.holes > 0 {
-        warnings.push(format!("the mesh has {} holes; the surface spans them", map.report.holes));
-    }
-    if map.report.cut_off + map.report.quality.collapsed > 0 {
-        warnings.push(format!(
-            "{} triangles collapsed into a side of the parameter square, {} vertices with them",
-            map.report.quality.collapsed, map.report.cut_off
-        ));
-    }
-    let mut parameters = map.parameters;
-    let mut refined = false;
-    let wanted = match options.refine {
-        Refine::Auto => choice != ParameterChoice::Uniform && map.report.quality.assessment().verdict > Verdict::Good,
-        Refine::On => true,
-        Refine::Off => false,
-    };
-    if wanted {
-        let _ = watch(Event::Step("refining the map"));
-        let params = InjectiveParams { slide: corners.is_none(), ..InjectiveParams::default() };
-        match refine_injective(disk.vertices(), disk.triangles(), parameters.view(), &params) {
-            Ok(better) if better.report.energy_after < better.report.energy_before => {
-                (parameters, refined) = (better.parameters, true);
-                method = if weights == Weights::MeanValue { "mean-value, refined" } else { "uniform, refined" };
-            }
-            Ok(_) => {}
-            Err(reason) => warnings.push(format!("the map was not refined: {reason}")),
-        }
-    }
     let hole = |rim: &point_cloud::BoundaryLoop| HoleReport { points: rim.vertices.len(), length: rim.length };
-    Ok(Layout {
-        points: disk.vertices().to_owned(),
-        parameters,
-        rows: (0..disk.vertices().nrows() as u32).collect(),
-        triangles: disk.triangles().to_vec(),
-        boundary: disk.outer_loop().vertices.clone(),
-        holes: disk.holes().iter().map(hole).collect(),
-        corners: Some(map.corners.vertices(disk.outer_loop())),
-        method,
-        refined,
-        warnings,
+    let holes: Vec<HoleReport> = disk.holes().iter().map(hole).collect();
+    let points = disk.vertices().to_owned();
+    let boundary = disk.outer_loop().vertices.clone();
+    let _ = watch(Event::Step("mapping the mesh"));
+    let map = map_mesh(disk, &map_params(choice, corners, options))?;
+    let mut layout = Layout {
+        rows: (0..points.nrows() as u32).collect(),
+        method: match (choice, map.report.refinement.is_some()) {
+            (ParameterChoice::Uniform, false) => "uniform",
+            (ParameterChoice::Uniform, true) => "uniform, refined",
+            (_, false) => "mean-value",
+            (_, true) => "mean-value, refined",
+        },
+        points,
+        boundary,
+        holes,
         ..Layout::default()
-    })
+    };
+    layout.take(map);
+    Ok(layout)
+}
+
+impl Layout {
+    /// Takes over the map of a mesh.
+    pub(super) fn take(&mut self, map: SpannedMap) {
+        let report = &map.report.map;
+        if report.holes > 0 {
+            self.warnings.push(format!("the mesh has {} holes; the surface spans them", report.holes));
+        }
+        if report.cut_off + report.quality.collapsed > 0 {
+            self.warnings.push(format!(
+                "{} triangles collapsed into a side of the parameter square, {} vertices with them",
+                report.quality.collapsed, report.cut_off
+            ));
+        }
+        self.parameters = map.parameters;
+        self.triangles = map.triangles;
+        self.corners = Some(map.corners);
+        self.refined = map.report.refinement.is_some();
+    }
+
+    /// Keeps some points, increasing; triangles and boundary have to lie within them.
+    pub(super) fn keep(&mut self, kept: &[usize]) {
+        let place = |i: u32| kept.binary_search(&(i as usize)).unwrap_or_default() as u32;
+        self.points = self.points.select(Axis(0), kept);
+        self.parameters = self.parameters.select(Axis(0), kept);
+        self.rows = kept.iter().map(|&i| self.rows[i]).collect();
+        self.triangles.iter_mut().for_each(|t| *t = t.map(place));
+        self.boundary.iter_mut().for_each(|i| *i = place(*i));
+        self.corners = self.corners.map(|corners| corners.map(place));
+    }
 }
