@@ -106,7 +106,8 @@ enum Train {
         /// The folder of the run: checkpoint, weights, log and curve.
         #[arg(long)]
         out: PathBuf,
-        /// Go on from the checkpoint in the folder; all other options are then taken from it.
+        /// Go on from the checkpoint in the folder; rate, seed and form are then taken from it. With other `steps` the
+        /// rate goes on along the curve of the new length.
         #[arg(long)]
         resume: bool,
         /// Minutes between checkpoints.

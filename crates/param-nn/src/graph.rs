@@ -30,7 +30,7 @@ impl Graph {
         &self.sources[self.starts[target] as usize..self.starts[target + 1] as usize]
     }
 
-    /// The same edges, grouped by source, each to one of `targets` new sources' places.
+    /// The same edges turned round: to each of `sources` points the targets that it is a source of.
     pub(crate) fn reversed(&self, sources: usize) -> Self {
         let mut starts = vec![0u32; sources + 1];
         self.sources.iter().for_each(|&s| starts[s as usize + 1] += 1);

@@ -196,6 +196,17 @@ impl Spanned {
         let near = tree.all_nearest(SPACING_MEDIAN);
         // The median of the spacings around each point.
         let local = |i: usize| {
+            if frames.on_line[i] || near.of(i).iter().any(|&j| frames.on_line[j as usize]) {
+                let off: Vec<f64> = std::iter::once(i as u32)
+                    .chain(tree.nearest(i, 96).into_iter().map(|n| n.1))
+                    .filter(|&j| !frames.on_line[j as usize])
+                    .take(SPACING_MEDIAN + 1)
+                    .map(|j| frames.spacing[j as usize])
+                    .collect();
+                if !off.is_empty() {
+                    return median(off);
+                }
+            }
             let around = std::iter::once(i as u32).chain(near.of(i).iter().copied());
             median(around.map(|j| frames.spacing[j as usize]).collect())
         };

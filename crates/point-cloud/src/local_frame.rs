@@ -74,6 +74,7 @@ pub(crate) struct Frames {
     pub(crate) curvatures: Vec<[f64; 2]>,
     pub(crate) spacing: Vec<f64>,
     pub(crate) smoothed: Vec<[f64; 3]>,
+    pub(crate) on_line: Vec<bool>,
     pub(crate) noise: f64,
     pub(crate) neighbours: usize,
 }
@@ -82,14 +83,32 @@ impl Frames {
     pub(crate) fn estimate(tree: &CloudTree<'_>) -> Self {
         let points = tree.points;
         let k = flattest_neighbourhood(tree);
-        let fits: Vec<(Fit, f64)> = (0..points.len())
+        let fits: Vec<(Fit, f64, bool)> = (0..points.len())
             .into_par_iter()
             .map(|i| {
                 let near = tree.nearest(i, k);
                 let nearest = &near[..near.len().min(SPACING_NEIGHBOURS)];
                 let spacing = nearest.iter().map(|n| n.0).sum::<f64>() / nearest.len().max(1) as f64;
+                let mut count = k;
+                let mut near = near;
+                let w = crate::orient_normals::env("WIDE", 0.0);
+                let line = |near: &[(f64, u32)]| {
+                    let offsets: Vec<_> = near.iter().map(|n| sub(points[n.1 as usize], points[i])).collect();
+                    let v = principal_axes(&offsets).variances;
+                    v[1] < w * v[2]
+                };
+                let nl = crate::orient_normals::env("NL", 12.0) as usize;
+                if w > 0.0 && line(&near[..near.len().min(nl)]) {
+                    loop {
+                        count *= 2;
+                        near = tree.nearest(i, count);
+                        if count >= MOST_NEIGHBOURS || !line(&near) {
+                            break;
+                        }
+                    }
+                }
                 let indices: Vec<u32> = near.into_iter().map(|n| n.1).collect();
-                (Fit::at(points, i, &indices), spacing)
+                (Fit::at(points, i, &indices), spacing, count > k)
             })
             .collect();
         let mut normals: Vec<[f64; 3]> = fits.iter().map(|f| f.0.normal).collect();
@@ -97,11 +116,12 @@ impl Frames {
         let curvatures = fits
             .iter()
             .zip(flipped)
-            .map(|((fit, _), flip)| if flip { [-fit.curvatures[1], -fit.curvatures[0]] } else { fit.curvatures })
+            .map(|((fit, ..), flip)| if flip { [-fit.curvatures[1], -fit.curvatures[0]] } else { fit.curvatures })
             .collect();
         Self {
             normals,
             curvatures,
+            on_line: fits.iter().map(|f| f.2).collect(),
             spacing: fits.iter().map(|f| f.1).collect(),
             smoothed: fits.iter().map(|f| f.0.foot).collect(),
             noise: median(fits.iter().map(|f| f.0.residual.abs()).collect()) / NORMAL_MEDIAN,

@@ -31,7 +31,7 @@ pub(crate) fn orient(tree: &CloudTree<'_>, normals: &mut [[f64; 3]]) -> Vec<bool
                 continue;
             }
             done[i] = true;
-            if dot(normals[i], normals[from as usize]) < 0.0 {
+            if i != from as usize && across(tree.points, normals, from as usize, i).0 < 0.0 {
                 normals[i] = normals[i].map(|x| -x);
                 flipped[i] = true;
             }
@@ -39,7 +39,7 @@ pub(crate) fn orient(tree: &CloudTree<'_>, normals: &mut [[f64; 3]]) -> Vec<bool
             sum = std::array::from_fn(|k| sum[k] + normals[i][k]);
             for &j in graph.of(i) {
                 if !done[j as usize] {
-                    let weight = (1.0 - dot(normals[i], normals[j as usize]).abs()).max(0.0);
+                    let weight = across(tree.points, normals, i, j as usize).1;
                     heap.push(Reverse((weight.to_bits(), j, at)));
                 }
             }
@@ -53,4 +53,28 @@ pub(crate) fn orient(tree: &CloudTree<'_>, normals: &mut [[f64; 3]]) -> Vec<bool
         }
     }
     flipped
+}
+
+pub(crate) fn env(name: &str, d: f64) -> f64 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(d)
+}
+
+fn across(points: &[[f64; 3]], normals: &[[f64; 3]], i: usize, j: usize) -> (f64, f64) {
+    use crate::vec3::{sub, unit};
+    static O: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| env("ORIENT", 0.0));
+    static P: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| env("PEN", 1.0));
+    let d = dot(normals[i], normals[j]);
+    if *O == 0.0 {
+        return (d, (1.0 - d.abs()).max(0.0));
+    }
+    let e = unit(sub(points[j], points[i]));
+    let (a, b) = (dot(e, normals[i]), dot(e, normals[j]));
+    let r = d - 2.0 * a * b;
+    if *O == 2.0 {
+        return (r, (1.0 - d.abs()).max(0.0));
+    }
+    if *O == 3.0 {
+        return (r, (1.0 - r.abs()).max(0.0) + *P * (a * a).max(b * b));
+    }
+    (r, (1.0 - r.abs()).max(0.0) + *P * (a.abs() + b.abs()))
 }

@@ -313,8 +313,8 @@ coordinates: all eight MSE agree to 6 %, and six of eight DHD to 4 %. On the sam
 printed error and our LPSP 0.1 to 0.9 of it, with most of the gap where there is no noise. RECD needs nothing but the radius
 graph; LPSP depends on the plane, on the triangulation and on what is done where no ring closes, and the text leaves these
 open. Ours reproduces plane clouds exactly, and agrees with a full Delaunay triangulation of each neighbourhood in a property
-test. So the printed LPSP is a weaker version of the method than the one here: a network that is to be worth its name has to
-be compared with ours. The printed UNIF we cannot explain.
+test. Probably the printed LPSP is another, weaker variant of the method; we have not found which. Networks should be compared
+with both. The printed UNIF we cannot explain.
 
 With the second family all 24 MSE lie within a factor 2 of the printed ones; RECD's by a factor 1.4 to 1.8 above them.
 ";
@@ -339,7 +339,7 @@ spline has the patch refined four times (16 × 16 elements); the text says penal
 
 const AFTER_TABLE_8: &str = "
 Hull: RECD within 25 % of the printed MSE, so the clouds are alike; LPSP better than printed, as in Table 4.6 (the printed MSE
-of degree 3 exceeds that of degree 2 in a smaller space, which least squares cannot do: read 4.10e-5). Face: another face,
+of degree 3 exceeds that of degree 2 in a smaller space, which least squares cannot do; it may be 4.10e-5). Face: another face,
 other boundary parameters; the patches land within a factor 2 but for LPSP of degree 2. The printed B-splines hardly improve
-with the degree, so a larger smoothing weight than ours limits them; the text does not state it.
+with the degree, so a larger smoothing weight than ours may limit them; the text does not state it.
 ";

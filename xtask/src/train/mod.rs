@@ -22,7 +22,7 @@ const CURVE: &str = "curve.svg";
 /// A run and where it is written.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// What to train; a resumed run takes it from its checkpoint.
+    /// What to train; a resumed run takes all but the number of steps from its checkpoint.
     pub options: TrainOptions,
     /// The folder.
     pub out: PathBuf,
@@ -45,7 +45,9 @@ impl Run {
         let (mut trainer, mut log) = if self.resume {
             let bytes = std::fs::read(path(CHECKPOINT)).context("no checkpoint to go on from")?;
             let log = std::fs::read_to_string(path(LOG)).context("no log to go on with")?;
-            (Trainer::resume(&bytes)?, log)
+            let mut trainer = Trainer::resume(&bytes)?;
+            trainer.set_steps(self.options.steps);
+            (trainer, log)
         } else {
             ensure!(!path(CHECKPOINT).exists(), "{} holds a run; go on with --resume", self.out.display());
             (Trainer::new(self.options), String::new())

@@ -132,6 +132,8 @@ impl Bidgcn {
         if points.nrows() > LARGEST_CLOUD {
             return Err(NnError::TooManyPoints { given: points.nrows(), limit: LARGEST_CLOUD });
         }
+        let span = tracing::info_span!("bidgcn", points = points.nrows());
+        let _guard = span.enter();
         let cloud = Cloud::new(points, boundary, boundary_parameters)?;
         if cloud.interior == 0 {
             return Ok(cloud.scattered(&[]));

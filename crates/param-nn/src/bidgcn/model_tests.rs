@@ -1,3 +1,5 @@
+//! Tests of trained networks: files, invariances, refusals.
+
 use super::*;
 use crate::synthetic::{ControlPoints, ScatteredSpec, stream, uniform_rotation};
 use crate::train::Validation;

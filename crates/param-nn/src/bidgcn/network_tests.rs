@@ -1,3 +1,5 @@
+//! Tests of the network against its definition edge by edge, and of its gradient against differences.
+
 use super::*;
 use crate::bidgcn::layout::Variant;
 use crate::synthetic::{ControlPoints, ScatteredSpec, stream};

@@ -110,6 +110,11 @@ impl Trainer {
         &self.options
     }
 
+    /// Makes the run shorter or longer: the rate goes on along the curve of the new length.
+    pub fn set_steps(&mut self, steps: u64) {
+        self.options.steps = steps;
+    }
+
     /// Share of the steps so far whose gradient was shortened.
     pub fn clipped_share(&self) -> f64 {
         self.optimizer.clipped as f64 / self.optimizer.steps.max(1) as f64
