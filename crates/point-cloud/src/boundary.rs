@@ -1,11 +1,11 @@
 //! The boundary of an open surface given by unordered points.
 
 use ndarray::{ArrayView2, Axis};
-use rayon::prelude::*;
 
 use crate::cloud_mesh::{CloudMesh, STAR_NEIGHBOURS};
 use crate::local_frame::{Frames, median};
 use crate::neighbours::{CloudTree, rows};
+use crate::sampling::Sampling;
 use crate::{
     BoundingBox, CloudError, DiskMesh, Duplicates, Normalization, SubMesh, TriangleMesh, check_surface_cloud,
     drop_unreferenced,
@@ -23,9 +23,6 @@ const SMOOTHING_ROUNDS: usize = 2;
 /// Factors on the reach that are tried while too few points are joined: rows of a scanner may be several times as far apart as
 /// the points in a row.
 const REACH_STEPS: [f64; 3] = [1.5, 2.25, 3.4];
-
-/// Neighbours over which the spacing is smoothed by a median.
-const SPACING_MEDIAN: usize = 12;
 
 /// Options of [`find_boundary`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -193,27 +190,10 @@ impl Spanned {
     /// The mesh with the smallest reach that joins enough of the points, or else the one that joins most.
     fn over(tree: &CloudTree<'_>, frames: &Frames, params: &BoundaryParams) -> Self {
         let m = tree.points.len();
-        let near = tree.all_nearest(SPACING_MEDIAN);
-        // The median of the spacings around each point.
-        let local = |i: usize| {
-            if frames.on_line[i] || near.of(i).iter().any(|&j| frames.on_line[j as usize]) {
-                let off: Vec<f64> = std::iter::once(i as u32)
-                    .chain(tree.nearest(i, 96).into_iter().map(|n| n.1))
-                    .filter(|&j| !frames.on_line[j as usize])
-                    .take(SPACING_MEDIAN + 1)
-                    .map(|j| frames.spacing[j as usize])
-                    .collect();
-                if !off.is_empty() {
-                    return median(off);
-                }
-            }
-            let around = std::iter::once(i as u32).chain(near.of(i).iter().copied());
-            median(around.map(|j| frames.spacing[j as usize]).collect())
-        };
-        let spacing: Vec<f64> = (0..m).into_par_iter().map(local).collect();
+        let sampling = Sampling::of(tree, frames);
         let attempt = |step: f64| {
             let reach = params.reach * step;
-            let mesh = CloudMesh::span(tree, &frames.normals, &spacing, reach);
+            let mesh = CloudMesh::span(tree, &frames.normals, &sampling, reach);
             Self { joined: mesh.pieces.first().copied().unwrap_or(0), mesh, reach }
         };
         let mut best = attempt(1.0);

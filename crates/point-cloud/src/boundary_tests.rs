@@ -269,3 +269,27 @@ fn lattices_duplicates_shift_and_scale_do_no_harm() {
         Err(CloudError::BadOption { name: "reach", .. })
     ));
 }
+
+#[test]
+fn every_point_of_a_dense_rim_is_on_the_loop() {
+    // A round dome; on its rim the points are about ten times as dense as inside, at uneven steps.
+    let mut random = Random(5);
+    let mut points = Vec::new();
+    let mut angles: Vec<f64> = (0..600).map(|_| TAU * random.next()).collect();
+    angles.sort_by(f64::total_cmp);
+    angles.iter().for_each(|t| points.extend([10.0 * t.cos(), 10.0 * t.sin(), 0.0]));
+    for i in 0..21 * 21 {
+        let place = |k: usize, shake: f64| k as f64 - 10.0 + 0.6 * (shake - 0.5);
+        let (x, y) = (place(i / 21, random.next()), place(i % 21, random.next()));
+        if x.hypot(y) < 9.4 {
+            points.extend([x, y, 2.0 - 0.02 * (x * x + y * y)]);
+        }
+    }
+    let points = Array2::from_shape_vec((points.len() / 3, 3), points).unwrap();
+    let found = find_boundary(points.view(), &BoundaryParams::default()).unwrap();
+    assert_eq!(found.left_out, []);
+    assert!(found.holes.is_empty() && found.triangles.is_some());
+    let mut outer = found.outer;
+    outer.sort_unstable();
+    assert_eq!(outer, (0..600).collect::<Vec<u32>>());
+}

@@ -11,6 +11,7 @@ use crate::fans::Fans;
 use crate::handles::handle_triangles;
 use crate::local_frame::median;
 use crate::neighbours::CloudTree;
+use crate::sampling::Sampling;
 use crate::star::{TangentPlane, VoronoiCell};
 use crate::vec3::{cross, dot, sub};
 
@@ -47,12 +48,13 @@ pub(crate) struct CloudMesh {
 }
 
 impl CloudMesh {
-    /// Spans a mesh over the points of `tree` with triangles of a circumradius of at most `reach` spacings.
-    pub(crate) fn span(tree: &CloudTree<'_>, normals: &[[f64; 3]], spacing: &[f64], reach: f64) -> Self {
+    /// Spans a mesh over the points of `tree` with triangles of a circumradius of at most `reach` spacings of `sampling`.
+    pub(crate) fn span(tree: &CloudTree<'_>, normals: &[[f64; 3]], sampling: &Sampling, reach: f64) -> Self {
         let points = tree.points;
+        let spacing = &sampling.spacing;
         let planes: Vec<TangentPlane> = points.iter().zip(normals).map(|(p, n)| TangentPlane::new(*p, *n)).collect();
         let mut fans = Fans::new(points, &planes);
-        for triangle in proposals(tree, normals, &planes, spacing, reach) {
+        for triangle in proposals(tree, normals, &planes, sampling, reach) {
             fans.try_add(triangle);
         }
         close_gaps(&mut fans, points, spacing, false);
@@ -77,14 +79,19 @@ fn proposals(
     tree: &CloudTree<'_>,
     normals: &[[f64; 3]],
     planes: &[TangentPlane],
-    spacing: &[f64],
+    sampling: &Sampling,
     reach: f64,
 ) -> Vec<[u32; 3]> {
     let points = tree.points;
+    // A triangle over points of lines only, as in a bay of a densely sampled rim, must be small for them, not for the surface.
+    let small_on_lines = |triangle: [u32; 3]| {
+        let along_line = triangle.iter().map(|&v| sampling.along_line[v as usize]).fold(0.0, f64::max);
+        circumradius(triangle.map(|v| points[v as usize])) <= reach * along_line
+    };
     let stars: Vec<Vec<[u32; 3]>> = (0..points.len())
         .into_par_iter()
         .map(|i| {
-            let radius = reach * spacing[i];
+            let radius = reach * sampling.spacing[i];
             let mut count = STAR_NEIGHBOURS;
             let mut seen = 0;
             let mut cell = VoronoiCell::new(radius);
@@ -105,7 +112,10 @@ fn proposals(
                 }
                 count *= 2;
             }
-            cell.star(radius).map(|[a, b]| smallest_first([i as u32, a as u32, b as u32])).collect()
+            cell.star(radius)
+                .map(|[a, b]| smallest_first([i as u32, a as u32, b as u32]))
+                .filter(|&triangle| small_on_lines(triangle))
+                .collect()
         })
         .collect();
     let mut all: Vec<[u32; 3]> = stars.into_iter().flatten().collect();

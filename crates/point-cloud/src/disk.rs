@@ -1,8 +1,9 @@
 //! Meshes that can be laid flat: one piece, one side, no handles, at least one boundary loop.
 
-use ndarray::ArrayView2;
+use ndarray::{ArrayView2, Axis};
 
 use crate::edges::EdgeMap;
+use crate::order_loop::loop_length;
 use crate::pieces::{Pieces, unreferenced_vertices};
 use crate::vec3::{cross, sub, unit};
 use crate::{CloudError, TriangleMesh, check_finite, orient_consistently};
@@ -136,22 +137,13 @@ fn boundary_loops(mesh: &TriangleMesh, edges: &EdgeMap) -> Vec<BoundaryLoop> {
             at = std::mem::replace(&mut next[at as usize], NONE);
         }
         if !vertices.is_empty() {
-            let length = loop_length(mesh.vertices.view(), &vertices);
+            let rows: Vec<usize> = vertices.iter().map(|&v| v as usize).collect();
+            let length = loop_length(mesh.vertices.select(Axis(0), &rows).view());
             loops.push(BoundaryLoop { vertices, length });
         }
     }
     loops.sort_by(|a, b| b.length.total_cmp(&a.length));
     loops
-}
-
-fn loop_length(points: ArrayView2<'_, f64>, vertices: &[u32]) -> f64 {
-    let mut length = 0.0;
-    for (k, &a) in vertices.iter().enumerate() {
-        let b = vertices[(k + 1) % vertices.len()];
-        let difference = &points.row(b as usize) - &points.row(a as usize);
-        length += difference.dot(&difference).sqrt();
-    }
-    length
 }
 
 /// Unit normals of the vertices of `mesh`, area-weighted over their triangles, as one array each; zero where the

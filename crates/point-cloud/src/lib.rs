@@ -31,6 +31,7 @@ mod orient_normals;
 mod pieces;
 mod quadric;
 mod repair;
+mod sampling;
 mod star;
 mod thin;
 pub mod vec3;

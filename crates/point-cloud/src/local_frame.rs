@@ -18,6 +18,14 @@ const FEWEST_NEIGHBOURS: usize = 18;
 /// Most neighbours of a local fit. Noise that needs more is several spacings thick; thin such a cloud first.
 const MOST_NEIGHBOURS: usize = 320;
 
+/// Neighbours that tell whether a point lies on a line of points. More would reach the points beside a densely sampled rim, fewer
+/// line up by chance.
+const LINE_NEIGHBOURS: usize = 9;
+
+/// Points lie on a line when their variance across it is below this share of that along it: 0.28 on a straight rim of
+/// even density, and below 0.05 by chance for one in a few hundred normally distributed neighbourhoods.
+const LINE_VARIANCE: f64 = 0.05;
+
 /// Points on which the number of neighbours is chosen.
 const SCALE_SAMPLE: usize = 400;
 
@@ -37,7 +45,7 @@ pub struct LocalFrames {
     pub smoothed: Array2<f64>,
     /// Standard deviation of the noise along the normals, from the median of the residuals.
     pub noise: f64,
-    /// Number of neighbours of each fit.
+    /// Number of neighbours of each fit, but for points on a line.
     pub neighbours: usize,
 }
 
@@ -45,8 +53,9 @@ impl LocalFrames {
     /// Fits a quadric over the tangent plane to the neighbours of each of `points`, shape `(m, 3)`.
     ///
     /// The number of neighbours is the one for which the neighbourhoods are flattest (median over a sample): small ones
-    /// are thick from noise, large ones from curvature. Normals are those of the quadrics, oriented along a minimum
-    /// spanning tree (Hoppe et al. 1992, §3.3); the sign of each connected part is such that the largest
+    /// are thick from noise, large ones from curvature; points on a line of points, as a rim with more points than the inside,
+    /// take more. Normals are those of the quadrics, oriented along a minimum spanning tree (Hoppe et al. 1992, §3.3), round
+    /// sharp bends too; the sign of each connected part is such that the largest
     /// component of the sum of its normals is positive. O(m k log m).
     ///
     /// # Errors
@@ -74,6 +83,7 @@ pub(crate) struct Frames {
     pub(crate) curvatures: Vec<[f64; 2]>,
     pub(crate) spacing: Vec<f64>,
     pub(crate) smoothed: Vec<[f64; 3]>,
+    /// Whether the nearest neighbours lie on a line, so that their distances tell nothing of the surface beside it.
     pub(crate) on_line: Vec<bool>,
     pub(crate) noise: f64,
     pub(crate) neighbours: usize,
@@ -86,29 +96,11 @@ impl Frames {
         let fits: Vec<(Fit, f64, bool)> = (0..points.len())
             .into_par_iter()
             .map(|i| {
-                let near = tree.nearest(i, k);
+                let (near, on_line) = neighbourhood(tree, i, k);
                 let nearest = &near[..near.len().min(SPACING_NEIGHBOURS)];
                 let spacing = nearest.iter().map(|n| n.0).sum::<f64>() / nearest.len().max(1) as f64;
-                let mut count = k;
-                let mut near = near;
-                let w = crate::orient_normals::env("WIDE", 0.0);
-                let line = |near: &[(f64, u32)]| {
-                    let offsets: Vec<_> = near.iter().map(|n| sub(points[n.1 as usize], points[i])).collect();
-                    let v = principal_axes(&offsets).variances;
-                    v[1] < w * v[2]
-                };
-                let nl = crate::orient_normals::env("NL", 12.0) as usize;
-                if w > 0.0 && line(&near[..near.len().min(nl)]) {
-                    loop {
-                        count *= 2;
-                        near = tree.nearest(i, count);
-                        if count >= MOST_NEIGHBOURS || !line(&near) {
-                            break;
-                        }
-                    }
-                }
                 let indices: Vec<u32> = near.into_iter().map(|n| n.1).collect();
-                (Fit::at(points, i, &indices), spacing, count > k)
+                (Fit::at(points, i, &indices), spacing, on_line)
             })
             .collect();
         let mut normals: Vec<[f64; 3]> = fits.iter().map(|f| f.0.normal).collect();
@@ -168,6 +160,29 @@ impl Fit {
             residual: height / (1.0 - quadric.leverage).max(f64::EPSILON).sqrt(),
         }
     }
+}
+
+/// The `k` nearest neighbours of point `i`, and whether the nearest of them lie on a line. Those determine no plane; there twice as
+/// many are taken until they spread to both sides.
+fn neighbourhood(tree: &CloudTree<'_>, i: usize, k: usize) -> (Vec<(f64, u32)>, bool) {
+    let on_line = |near: &[(f64, u32)]| {
+        let offsets: Vec<_> = near.iter().map(|n| sub(tree.points[n.1 as usize], tree.points[i])).collect();
+        let [_, across, along] = principal_axes(&offsets).variances;
+        across < LINE_VARIANCE * along
+    };
+    let mut near = tree.nearest(i, k);
+    if !on_line(&near[..near.len().min(LINE_NEIGHBOURS)]) {
+        return (near, false);
+    }
+    let mut count = k;
+    while count < MOST_NEIGHBOURS {
+        count *= 2;
+        near = tree.nearest(i, count);
+        if !on_line(&near) {
+            break;
+        }
+    }
+    (near, true)
 }
 
 /// The number of neighbours with the smallest median ratio of thickness to width.
