@@ -23,8 +23,8 @@ const MOST_NEIGHBOURS: usize = 320;
 const LINE_NEIGHBOURS: usize = 9;
 
 /// Points lie on a line when their variance across it is below this share of that along it: 0.28 on a straight rim of
-/// even density, and below 0.05 by chance for one in a few hundred normally distributed neighbourhoods.
-const LINE_VARIANCE: f64 = 0.05;
+/// even density, and below 0.02 by chance for one in some thousand normally distributed neighbourhoods.
+const LINE_VARIANCE: f64 = 0.02;
 
 /// Points on which the number of neighbours is chosen.
 const SCALE_SAMPLE: usize = 400;

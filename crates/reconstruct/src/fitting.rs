@@ -107,7 +107,12 @@ fn moving_method(problem: &Problem<'_>, options: &FitOptions) -> Result<Option<m
             BlendChoice::Constant(gamma) => Blend::Constant(gamma),
         })),
         Method::JPdm => moving_param::Method::JointLbfgs(Schedule::B),
-        Method::Joint => moving_param::Method::Joint(JointOptions::default()),
+        Method::Joint => {
+            let usual = JointOptions::default();
+            // More weight on the last few points outside the tolerance is for those who ask for all of them.
+            let emphasis = if options.within < 1.0 { 0 } else { usual.emphasis };
+            moving_param::Method::Joint(JointOptions { emphasis, ..usual })
+        }
     }))
 }
 
