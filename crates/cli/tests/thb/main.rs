@@ -4,6 +4,7 @@ mod batch;
 mod inputs;
 mod lab;
 mod layouts;
+mod methods;
 mod models;
 mod results;
 mod scans;
