@@ -25,7 +25,7 @@ pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Length. Its square must neither under- nor overflow; [`unit`] has no such limit.
+/// Length. Its square must neither under- nor overflow; [`unit()`] has no such limit.
 pub fn norm(a: [f64; 3]) -> f64 {
     dot(a, a).sqrt()
 }
