@@ -287,7 +287,7 @@ pub(crate) struct LayoutArgs {
     /// (3/√m of the extent) or a length.
     #[arg(long, default_value_t = ParameterOptions::default().radius, help_heading = "How it is laid out")]
     radius: RadiusChoice,
-    /// Refine maps of meshes towards less distortion: auto (where they are not good as they come out), on or off.
+    /// Refine maps of meshes towards less distortion: auto (where they are stretched in places, but not on the whole), on or off.
     #[arg(long, default_value_t = ParameterOptions::default().refine, help_heading = "How it is laid out")]
     refine: Refine,
     /// Points laid out at once: a cloud of more than three times as many goes through a well-spread subset of this size.

@@ -16,8 +16,10 @@ pub struct SpannedMapParams {
     pub map: MeshMapParams,
     /// Its refinement, if any.
     pub refinement: Option<InjectiveParams>,
-    /// Whether maps that are good as they come out are refined too.
-    pub refine_good: bool,
+    /// Whether every map is refined. Otherwise only those are that are stretched in places but not on the whole: good ones
+    /// need it not, and on long shapes (blades, hulls; mean angle stretch beyond 3) splines fit the smoother map that
+    /// comes out without.
+    pub refine_all: bool,
     /// Parts of the mesh whose share of the square is smaller than their share of the surface by more than this factor are
     /// taken out of it, at least 1.
     pub most_shrinkage: f64,
@@ -30,7 +32,7 @@ impl Default for SpannedMapParams {
         Self {
             map: MeshMapParams::default(),
             refinement: Some(InjectiveParams::default()),
-            refine_good: true,
+            refine_all: true,
             most_shrinkage: 1e3,
         }
     }
@@ -63,6 +65,9 @@ pub struct SpannedMapReport {
     /// Distance of each of them from the mesh, in the units of the points.
     pub distances: Vec<f64>,
 }
+
+/// Mean angle stretch of maps of long shapes.
+const LONG: f64 = 3.0;
 
 /// Rounds of taking shrunk parts out. What is left of a pocket after one is shallower.
 const ROUNDS: usize = 4;
@@ -113,9 +118,11 @@ fn map_through(
     let mut round = 1;
     let (map, parameters, refinement) = loop {
         let map = map_disk(&disk, &MeshMapParams { corners: on_mesh(params.map.corners, &rows)?, ..params.map })?;
-        let good = map.report.quality.assessment().verdict == Verdict::Good;
+        let quality = &map.report.quality;
+        let long = quality.angle.is_some_and(|angle| angle.mean > LONG);
+        let in_places = quality.assessment().verdict > Verdict::Good && !long;
         let refined = match &params.refinement {
-            Some(options) if params.refine_good || !good => {
+            Some(options) if params.refine_all || in_places => {
                 Some(refine_injective(disk.vertices(), disk.triangles(), map.parameters.view(), options)?)
             }
             _ => None,

@@ -130,7 +130,7 @@ named!(
 named!(
     /// Whether maps of meshes are refined towards less distortion.
     Refine, "auto, on or off",
-    /// Refined where they are not good as they come out.
+    /// Refined where they are stretched in places, but not on the whole, as they come out.
     Auto = "auto",
     /// Refined.
     On = "on",

@@ -119,7 +119,7 @@ pub(super) fn map_params(
             corners: corners.map_or(CornerChoice::default(), CornerChoice::Given),
         },
         refinement: refined.then_some(refinement),
-        refine_good: options.refine == Refine::On,
+        refine_all: options.refine == Refine::On,
         ..SpannedMapParams::default()
     }
 }
