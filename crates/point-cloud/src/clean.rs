@@ -116,15 +116,8 @@ pub fn find_stray_pieces(points: ArrayView2<'_, f64>, reach: f64) -> Result<Clou
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::thin::tests::sheet;
     use ndarray::{Array2, concatenate};
-
-    fn sheet(side: usize) -> Array2<f64> {
-        Array2::from_shape_fn((side * side, 3), |(i, k)| {
-            let (x, y) = ((i / side) as f64, (i % side) as f64);
-            // A lattice shaken by irrational steps.
-            [x + 0.3 * (7.1 * i as f64).sin(), y + 0.3 * (3.7 * i as f64).cos(), 0.1 * x][k]
-        })
-    }
 
     #[test]
     fn planted_outliers_are_named_and_no_others() {

@@ -224,11 +224,11 @@ fn sample(tree: &CloudTree<'_>, order: &[u32], distance: f64, n: usize) -> Optio
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use ndarray::Array2;
 
-    fn sheet(side: usize) -> Array2<f64> {
+    pub(crate) fn sheet(side: usize) -> Array2<f64> {
         Array2::from_shape_fn((side * side, 3), |(i, k)| {
             let (x, y) = ((i / side) as f64, (i % side) as f64);
             // A lattice shaken by irrational steps.

@@ -4,13 +4,12 @@ use std::path::Path;
 
 use geom_io::{Format, ReadOptions, Scan, read_scan};
 use ndarray::Axis;
-use point_cloud::{
-    BoundingBox, SubMesh, TriangleMesh, check_surface_cloud, find_outliers, find_stray_pieces, largest_piece, thin,
-};
+use point_cloud::{SubMesh, TriangleMesh, check_surface_cloud, find_outliers, find_stray_pieces, largest_piece, thin};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
 use crate::parameter_options::{Clean, ParameterChoice};
+use crate::parameters::spread_over_square;
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Neighbours and robust standard deviations that make a point an outlier.
@@ -51,16 +50,20 @@ pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         cleaned.keep(kept, "--mask")?;
     }
     if cleaned.rows.len() < m && (options.read.height_field || cleaned.scan.format == Format::EsriGrid) {
-        cleaned.spread_parameters();
+        // What is left of a height field is spread over the square again.
+        cleaned.scan.cloud.parameters.iter_mut().for_each(spread_over_square);
     }
     let scattered = cleaned.scan.cloud.grid.is_none() && cleaned.scan.triangles.is_none();
-    let unasked = scattered && cleaned.scan.cloud.parameters.is_none() && cleaned.rows.len() <= LOOKED_AT;
+    let unasked = scattered
+        && cleaned.scan.cloud.parameters.is_none()
+        && cleaned.rows.len() <= LOOKED_AT
+        && is_laid_out_by_shape(options);
     let asked = |what| options.clean.contains(&what);
-    if asked(Clean::Stray) || unasked && is_laid_out_by_shape(options) {
+    if asked(Clean::Stray) || unasked {
         let _ = watch(Event::Step("looking for stray pieces"));
         cleaned.stray(asked(Clean::Stray))?;
     }
-    if asked(Clean::Outliers) || unasked && is_laid_out_by_shape(options) {
+    if asked(Clean::Outliers) || unasked {
         let _ = watch(Event::Step("looking for outliers"));
         cleaned.outliers(asked(Clean::Outliers))?;
     }
@@ -105,18 +108,6 @@ impl Cleaned {
         Ok(())
     }
 
-    /// Spreads the parameters of a height field over the square again.
-    fn spread_parameters(&mut self) {
-        let Some(parameters) = &mut self.scan.cloud.parameters else { return };
-        for mut column in parameters.columns_mut() {
-            let lower = column.iter().copied().fold(f64::INFINITY, f64::min);
-            let upper = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            if upper > lower {
-                column.mapv_inplace(|x| ((x - lower) / (upper - lower)).min(1.0));
-            }
-        }
-    }
-
     fn stray(&mut self, remove: bool) -> Result<(), Error> {
         if let Some(triangles) = &self.scan.triangles {
             let mesh = TriangleMesh { vertices: self.scan.cloud.points.clone(), triangles: triangles.clone() };
@@ -158,8 +149,6 @@ fn unmasked(path: &Path, scan: &Scan) -> Result<Vec<usize>, Error> {
         })
         .ok_or_else(|| Error::Mask { path: path.to_owned() })?;
     let reach = 0.5 * side * (1.0 + 1e-9);
-    let bounds = BoundingBox::of(cells.view())?;
-    tracing::debug!(cells = cells.nrows(), side, ?bounds, "mask");
     let points = &scan.cloud.points;
     let is_kept = |i: &usize| {
         let place = [points[[*i, 0]], points[[*i, 1]]];

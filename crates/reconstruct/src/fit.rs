@@ -13,7 +13,7 @@ use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Fitted, Problem};
 use crate::parameter_options::Domain;
-use crate::parameters::parameterize;
+use crate::parameters::{extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
 use crate::{Error, Event, FitOptions, Watch};
 
@@ -171,9 +171,7 @@ fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[K
         knots.push(match options.parameters.domain {
             Domain::Unit => uniform,
             Domain::Data => {
-                let column = parameters.column(d);
-                let lower = column.iter().copied().fold(f64::INFINITY, f64::min);
-                let upper = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                let (lower, upper) = extent(parameters.column(d));
                 uniform.on_interval(lower, upper)?
             }
         });

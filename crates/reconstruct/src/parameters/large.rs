@@ -10,8 +10,8 @@ use param_classic::{extend_map, map_quality, triangulate_parameters};
 use point_cloud::spread_subset;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 
-use super::Layout;
 use super::cloud::{self, Cloud, STRAY};
+use super::{Layout, spread_over_square};
 use crate::parameter_options::ParameterChoice;
 use crate::{Error, Event, ParameterOptions, Watch};
 
@@ -78,7 +78,9 @@ pub(super) fn lay_out(
     // The vertices of the mesh lie on it, so none of them was left out.
     let place = |i: u32| rows.binary_search(&part.rows[i as usize]).unwrap_or_default() as u32;
     let triangles: Vec<[u32; 3]> = part.triangles.iter().map(|t| t.map(place)).collect();
-    let mut parameters = onto_square(carried);
+    // The outline of a subset lies within the cloud's, by a share of its spacing: some parameters lie outside the square.
+    let mut parameters = carried;
+    spread_over_square(&mut parameters);
     let folded = |parameters: &Array2<f64>| {
         map_quality(points.view(), &triangles, parameters.view()).map(|quality| quality.folded.len())
     };
@@ -111,17 +113,6 @@ pub(super) fn lay_out(
         reversed: false,
         is_height_field: false,
     })
-}
-
-/// Stretches parameters that reach beyond the square, or not up to its sides, onto it. The outline of a subset lies within the
-/// cloud's, by a share of its spacing.
-fn onto_square(mut parameters: Array2<f64>) -> Array2<f64> {
-    for mut column in parameters.columns_mut() {
-        let lower = column.iter().copied().fold(f64::INFINITY, f64::min);
-        let upper = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        column.mapv_inplace(|x| ((x - lower) / (upper - lower)).clamp(0.0, 1.0));
-    }
-    parameters
 }
 
 /// Parameters of the foot points on a smooth surface that is fitted to the points at their present ones.

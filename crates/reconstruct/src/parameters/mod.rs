@@ -9,7 +9,7 @@ mod quality;
 use std::time::Instant;
 
 use geom_io::{Format, Scan, read_scan};
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView1, Axis};
 use param_classic::{map_quality, parameterize_grid};
 use point_cloud::{Duplicates, check_surface_cloud};
 
@@ -122,7 +122,6 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
         ParameterChoice::Auto if scan.cloud.parameters.is_some() => ParameterChoice::Given,
         ParameterChoice::Auto if scan.triangles.is_some() && given_boundary.is_none() => ParameterChoice::MeanValue,
         ParameterChoice::Auto if scan.cloud.grid.is_some() => ParameterChoice::Chord,
-        ParameterChoice::Uniform if scan.triangles.is_none() && scan.cloud.grid.is_some() => ParameterChoice::Uniform,
         other => other,
     };
     let missing = |needed, hint| Error::NoParameters { asked: options.param.to_string(), needed, hint };
@@ -219,6 +218,21 @@ fn corners_among(rows: &[u32], options: &ParameterOptions) -> Result<Option<[u32
             rows.binary_search(&row).map_err(|_| Error::NoSuchPoint { option: "--corners", row: row.into() })? as u32;
     }
     Ok(Some(places))
+}
+
+/// Stretches or shrinks each column of parameters so that it reaches from 0 to 1; one that is constant stays.
+pub(crate) fn spread_over_square(parameters: &mut Array2<f64>) {
+    for mut column in parameters.columns_mut() {
+        let (lower, upper) = extent(column.view());
+        if upper > lower {
+            column.mapv_inplace(|x| ((x - lower) / (upper - lower)).clamp(0.0, 1.0));
+        }
+    }
+}
+
+/// Smallest and largest number.
+pub(crate) fn extent(column: ArrayView1<'_, f64>) -> (f64, f64) {
+    column.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lower, upper), &x| (lower.min(x), upper.max(x)))
 }
 
 fn check_domain(parameters: &Array2<f64>, domain: Domain) -> Result<(), Error> {

@@ -1,10 +1,10 @@
 //! How good parameters are, for the report.
 
-use ndarray::{Array2, Axis};
+use ndarray::Axis;
 use param_classic::{Distortion, Verdict, cloud_quality, map_quality};
 use serde::Serialize;
 
-use super::Layout;
+use super::{Layout, spread_over_square};
 use crate::Error;
 use crate::clean::Found;
 use crate::parameter_options::{Clean, Domain};
@@ -98,7 +98,11 @@ pub(super) fn measure(layout: &Layout, domain: Domain) -> Result<ParameterReport
     let step = m.div_ceil(MEASURED);
     let some: Vec<usize> = (0..m).step_by(step).collect();
     let points = layout.points.select(Axis(0), &some);
-    let parameters = on_unit_square(layout.parameters.select(Axis(0), &some), domain);
+    let mut parameters = layout.parameters.select(Axis(0), &some);
+    if domain == Domain::Data {
+        // Voids are looked for in the unit square.
+        spread_over_square(&mut parameters);
+    }
     let mut spread = cloud_quality(points.view(), parameters.view())?;
     if layout.is_height_field {
         // Heights may be in another unit than places.
@@ -142,20 +146,6 @@ pub(super) fn measure(layout: &Layout, domain: Domain) -> Result<ParameterReport
         hint: hints.join("; "),
         seconds: 0.0,
     })
-}
-
-/// Parameters of any box, scaled to the unit square that voids are looked for in.
-fn on_unit_square(mut parameters: Array2<f64>, domain: Domain) -> Array2<f64> {
-    if domain == Domain::Data {
-        for mut column in parameters.columns_mut() {
-            let lower = column.iter().copied().fold(f64::INFINITY, f64::min);
-            let upper = column.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            if upper > lower {
-                column.mapv_inplace(|x| (x - lower) / (upper - lower));
-            }
-        }
-    }
-    parameters
 }
 
 impl Found {
