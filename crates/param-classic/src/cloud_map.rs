@@ -1,13 +1,13 @@
 //! Maps of scattered clouds with known boundary onto the unit square, without a mesh.
 
 use ndarray::{Array2, ArrayView2};
-use point_cloud::{BoundingBox, CloudError, check_surface_cloud};
+use point_cloud::{BoundingBox, CloudError, CloudTree, check_surface_cloud};
 use rayon::prelude::*;
 
 use crate::ParamError;
 use crate::barycentric::{BarycentricSystem, WeightEntry};
 use crate::local_star::delaunay_star;
-use crate::neighbours::{COINCIDENT, Neighbours, cut_off};
+use crate::radius_graph::{COINCIDENT, apart, cut_off, radius_graph};
 use crate::shape_preserving::shape_preserving_weights;
 use crate::sides::BoundaryParameters;
 use point_cloud::vec3::{norm, sub};
@@ -126,7 +126,7 @@ pub fn map_cloud(
     check_params(params)?;
     let cloud = BoundedCloud::new(points, boundary)?;
     let m = cloud.points.len();
-    let neighbours = Neighbours::new(&cloud.points)?;
+    let tree = CloudTree::new(&cloud.points)?;
     let mut radius = match params.radius {
         Radius::Given(radius) => radius / cloud.unit,
         Radius::Automatic | Radius::Grown => 3.0 / (m as f64).sqrt(),
@@ -135,10 +135,10 @@ pub fn map_cloud(
     let largest_radius = if params.radius == Radius::Grown { 3f64.sqrt() } else { 0.0 };
     let mut growths = 0;
     let rows = loop {
-        let graph = neighbours.graph(&cloud.fixed, radius, params.max_neighbours);
+        let graph = radius_graph(&tree, &cloud.fixed, radius, params.max_neighbours);
         let mut missing = cut_off(&cloud.fixed, &graph, |&j| j);
         if missing.is_empty() {
-            let rows = cloud.weights(&graph, &neighbours, params.weights);
+            let rows = cloud.weights(&graph, &tree, params.weights);
             // The neighbours in a local triangulation are fewer than those within the radius.
             missing = cut_off(&cloud.fixed, &rows.entries, |e| e.0);
             if missing.is_empty() {
@@ -238,7 +238,7 @@ impl BoundedCloud {
         self.fixed.iter().filter(|f| !**f).count()
     }
 
-    fn weights(&self, graph: &[Vec<u32>], neighbours: &Neighbours<'_, 3>, weights: CloudWeights) -> Rows {
+    fn weights(&self, graph: &[Vec<u32>], tree: &CloudTree<'_>, weights: CloudWeights) -> Rows {
         let row = |i: usize| match weights {
             _ if self.fixed[i] => (vec![], false),
             CloudWeights::Uniform => (self.reciprocal_distances(i, &graph[i], 0.0), false),
@@ -246,7 +246,7 @@ impl BoundedCloud {
             CloudWeights::LocalProjection => self
                 .local_projection(i, &graph[i])
                 .or_else(|| {
-                    WIDER_SURROUNDINGS.iter().find_map(|&k| self.local_projection(i, &neighbours.nearest(i, k)))
+                    WIDER_SURROUNDINGS.iter().find_map(|&k| self.local_projection(i, &apart(tree.nearest(i, k))))
                 })
                 .map_or_else(|| (self.reciprocal_distances(i, &graph[i], 1.0), true), |row| (row, false)),
         };

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::ParamError;
 use crate::cloud_map::{BoundedCloud, CloudMap, Rows};
-use crate::neighbours::cut_off;
+use crate::radius_graph::cut_off;
 use crate::sides::BoundaryParameters;
 use crate::triangulate::PlaneTriangulation;
 

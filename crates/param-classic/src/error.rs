@@ -108,14 +108,6 @@ pub enum ParamError {
         /// The first few of them.
         first: Vec<u32>,
     },
-    /// The points could not be indexed for neighbour queries.
-    #[error("the {points} points could not be indexed for neighbour queries: {reason}")]
-    NeighbourSearch {
-        /// Number of points.
-        points: usize,
-        /// What the index reported.
-        reason: String,
-    },
     /// Points of the parameter plane could not be triangulated.
     #[error("{points} parameters could not be triangulated: {reason}; check them for values that are not finite")]
     Triangulation {

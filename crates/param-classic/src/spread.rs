@@ -1,12 +1,12 @@
 //! How well the parameters of a cloud cover the square and follow distances on the surface; what to do about it.
 
 use ndarray::ArrayView2;
-use point_cloud::{BoundingBox, check_surface_cloud};
+use point_cloud::{BoundingBox, CloudTree, check_surface_cloud};
 use rayon::prelude::*;
 
 use crate::ParamError;
-use crate::neighbours::Neighbours;
 use crate::quality::MapQuality;
+use crate::radius_graph::apart;
 use crate::triangulate::triangulate_parameters;
 use point_cloud::vec3::{norm, sub};
 
@@ -84,13 +84,13 @@ pub fn cloud_quality(points: ArrayView2<'_, f64>, uv: ArrayView2<'_, f64>) -> Re
 }
 
 fn largest_void(places: &[[f64; 2]], triangles: &[[u32; 3]]) -> Result<Void, ParamError> {
-    let index = Neighbours::new(places)?;
+    let tree = CloudTree::new(places)?;
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let mut largest = Void { center: [0.5, 0.5], radius: 0.0 };
     let centers = triangles.iter().map(|t| circumcenter(t.map(|v| places[v as usize])));
     for center in centers.chain(corners) {
         let center = center.map(|x| x.clamp(0.0, 1.0));
-        let radius = index.distance(center);
+        let radius = tree.distance(center);
         if radius > largest.radius {
             largest = Void { center, radius };
         }
@@ -112,9 +112,10 @@ fn distance_correlation(points: ArrayView2<'_, f64>, places: &[[f64; 2]]) -> Res
     let unit = bounds.longest_side();
     let points: Vec<[f64; 3]> =
         points.rows().into_iter().map(|p| std::array::from_fn(|k| (p[k] - bounds.lower[k]) / unit)).collect();
-    let index = Neighbours::new(&points)?;
+    let tree = CloudTree::new(&points)?;
     // Of each pair: distance in space, squared differences of the parameters.
-    let around: Vec<Vec<u32>> = (0..points.len()).into_par_iter().map(|i| index.nearest(i, PAIRS_PER_POINT)).collect();
+    let around: Vec<Vec<u32>> =
+        (0..points.len()).into_par_iter().map(|i| apart(tree.nearest(i, PAIRS_PER_POINT))).collect();
     let pairs: Vec<[f64; 3]> = around
         .iter()
         .enumerate()

@@ -4,8 +4,9 @@ use ndarray::{ArrayView2, Axis};
 
 use crate::cloud_mesh::{CloudMesh, STAR_NEIGHBOURS};
 use crate::local_frame::{Frames, median};
-use crate::neighbours::{CloudTree, rows};
+use crate::neighbours::rows;
 use crate::sampling::Sampling;
+use crate::search::CloudTree;
 use crate::{
     BoundingBox, CloudError, DiskMesh, Duplicates, Normalization, SubMesh, TriangleMesh, check_surface_cloud,
     drop_unreferenced,
@@ -117,19 +118,19 @@ pub fn find_boundary(points: ArrayView2<'_, f64>, params: &BoundaryParams) -> Re
     if m < FEWEST_POINTS {
         return Err(CloudError::TooFewPoints { given: m, required: FEWEST_POINTS });
     }
-    let tree = CloudTree::with_neighbours(&distinct, STAR_NEIGHBOURS)?;
-    let frames = Frames::estimate(&tree);
+    let tree = CloudTree::new(&distinct)?;
+    let frames = Frames::unoriented(&tree);
     let (raw_spacing, noise, scale) = (median(frames.spacing.clone()), frames.noise, normalization.scale());
     let Spanned { mesh, joined, reach } = if noise > SMOOTHED_FROM * raw_spacing {
         drop(tree);
         let mut smoothed = frames.smoothed;
         for _ in 1..SMOOTHING_ROUNDS {
-            smoothed = Frames::estimate(&CloudTree::new(&smoothed)?).smoothed;
+            smoothed = Frames::unoriented(&CloudTree::new(&smoothed)?).smoothed;
         }
-        let tree = CloudTree::with_neighbours(&smoothed, STAR_NEIGHBOURS)?;
-        Spanned::over(&tree, &Frames::estimate(&tree), params)
+        let tree = CloudTree::new(&smoothed)?.with_known(STAR_NEIGHBOURS);
+        Spanned::over(&tree, Frames::unoriented(&tree), params)
     } else {
-        Spanned::over(&tree, &frames, params)
+        Spanned::over(&tree.with_known(STAR_NEIGHBOURS), frames, params)
     };
     let no_surface =
         |connected| CloudError::NoSurface { connected, points: m, noise: noise * scale, spacing: raw_spacing * scale };
@@ -144,7 +145,6 @@ pub fn find_boundary(points: ArrayView2<'_, f64>, params: &BoundaryParams) -> Re
     if mesh.loops.is_empty() {
         return Err(CloudError::ClosedCloud { points: m });
     }
-
     let row = |v: u32| duplicates.kept[v as usize] as u32;
     let mut loops: Vec<Vec<u32>> = mesh.loops.iter().map(|l| l.iter().map(|&v| row(v)).collect()).collect();
     // A stable sort: of equally long loops the one with the smallest vertex stays first.
@@ -188,9 +188,11 @@ struct Spanned {
 
 impl Spanned {
     /// The mesh with the smallest reach that joins enough of the points, or else the one that joins most.
-    fn over(tree: &CloudTree<'_>, frames: &Frames, params: &BoundaryParams) -> Self {
+    fn over(tree: &CloudTree<'_>, frames: Frames, params: &BoundaryParams) -> Self {
         let m = tree.points.len();
-        let sampling = Sampling::of(tree, frames);
+        let frames = frames.oriented(tree);
+        let sampling = Sampling::of(tree, &frames);
+
         let attempt = |step: f64| {
             let reach = params.reach * step;
             let mesh = CloudMesh::span(tree, &frames.normals, &sampling, reach);

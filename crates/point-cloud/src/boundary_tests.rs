@@ -188,7 +188,8 @@ fn planted_boundaries_are_found_without_noise() {
 #[test]
 fn planted_boundaries_are_found_in_noise() {
     for (name, planted) in PLANTED {
-        for (m, noise) in [(1000, 0.005), (1000, 0.01), (2500, 0.01)] {
+        let large = if cfg!(debug_assertions) { 2500 } else { 10_000 };
+        for (m, noise) in [(1000, 0.005), (1000, 0.01), (large, 0.005), (large, 0.01)] {
             let points = planted.sample(m, noise);
             let (recall, precision, found) = planted.judge(&points);
             assert!(recall >= 0.9 && precision >= 0.9, "{name} {m} {noise}: {recall} {precision}");

@@ -10,8 +10,8 @@ use crate::edges::DisjointSets;
 use crate::fans::Fans;
 use crate::handles::handle_triangles;
 use crate::local_frame::median;
-use crate::neighbours::CloudTree;
 use crate::sampling::Sampling;
+use crate::search::CloudTree;
 use crate::star::{TangentPlane, VoronoiCell};
 use crate::vec3::{cross, dot, sub};
 

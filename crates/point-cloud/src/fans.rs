@@ -24,9 +24,9 @@ impl<'a> Fans<'a> {
         Self { points, planes, wedges: vec![Vec::new(); points.len()] }
     }
 
-    /// Direction of point `to` in the tangent plane of point `at`.
+    /// Direction of point `to` in the tangent plane of point `at`, of any length.
     fn direction(&self, at: u32, to: u32) -> [f64; 2] {
-        self.planes[at as usize].unroll(self.points[to as usize])
+        self.planes[at as usize].project(self.points[to as usize])
     }
 
     /// Adds a triangle if it overlaps none at its vertices.

@@ -3,9 +3,10 @@
 use ndarray::{Array1, Array2, ArrayView2};
 use rayon::prelude::*;
 
-use crate::neighbours::{CloudTree, rows};
+use crate::neighbours::rows;
 use crate::orient_normals::orient;
 use crate::quadric::{Quadric, principal_axes};
+use crate::search::{CloudTree, Neighbour, order};
 use crate::vec3::{cross, dot, sub, unit};
 use crate::{CloudError, check_surface_cloud};
 
@@ -64,7 +65,8 @@ impl LocalFrames {
         let rows = rows(points)?;
         // A quadric has six coefficients; two more points leave something to measure the residual by.
         check_surface_cloud(points, 8)?;
-        let frames = Frames::estimate(&CloudTree::new(&rows)?);
+        let tree = CloudTree::new(&rows)?;
+        let frames = Frames::unoriented(&tree).oriented(&tree);
         let array = |a: &[[f64; 3]]| Array2::from_shape_fn((a.len(), 3), |(i, k)| a[i][k]);
         Ok(Self {
             normals: array(&frames.normals),
@@ -90,35 +92,40 @@ pub(crate) struct Frames {
 }
 
 impl Frames {
-    pub(crate) fn estimate(tree: &CloudTree<'_>) -> Self {
+    /// Frames whose normals lie on either side.
+    pub(crate) fn unoriented(tree: &CloudTree<'_>) -> Self {
         let points = tree.points;
         let k = flattest_neighbourhood(tree);
-        let fits: Vec<(Fit, f64, bool)> = (0..points.len())
-            .into_par_iter()
-            .map(|i| {
-                let (near, on_line) = neighbourhood(tree, i, k);
-                let nearest = &near[..near.len().min(SPACING_NEIGHBOURS)];
-                let spacing = nearest.iter().map(|n| n.0).sum::<f64>() / nearest.len().max(1) as f64;
-                let indices: Vec<u32> = near.into_iter().map(|n| n.1).collect();
-                (Fit::at(points, i, &indices), spacing, on_line)
-            })
-            .collect();
-        let mut normals: Vec<[f64; 3]> = fits.iter().map(|f| f.0.normal).collect();
-        let flipped = orient(tree, &mut normals);
-        let curvatures = fits
-            .iter()
-            .zip(flipped)
-            .map(|((fit, ..), flip)| if flip { [-fit.curvatures[1], -fit.curvatures[0]] } else { fit.curvatures })
-            .collect();
+        let fits: Vec<(Fit, f64, bool)> = tree.map_nearest(k, |i, near| {
+            let line = near.len().min(LINE_NEIGHBOURS);
+            near.select_nth_unstable_by(line - 1, order);
+            near[..line].sort_unstable_by(order);
+            let nearest = &near[..line.min(SPACING_NEIGHBOURS)];
+            let spacing = nearest.iter().map(|n| n.0).sum::<f64>() / nearest.len().max(1) as f64;
+            match on_line(points, i, &near[..line]) {
+                false => (Fit::at(points, i, near), spacing, false),
+                true => (Fit::at(points, i, &beside_line(tree, i, k)), spacing, true),
+            }
+        });
+        tracing::debug!(neighbours = k, "fitted quadrics");
         Self {
-            normals,
-            curvatures,
+            normals: fits.iter().map(|f| f.0.normal).collect(),
+            curvatures: fits.iter().map(|f| f.0.curvatures).collect(),
             on_line: fits.iter().map(|f| f.2).collect(),
             spacing: fits.iter().map(|f| f.1).collect(),
             smoothed: fits.iter().map(|f| f.0.foot).collect(),
             noise: median(fits.iter().map(|f| f.0.residual.abs()).collect()) / NORMAL_MEDIAN,
             neighbours: k,
         }
+    }
+
+    /// Turns the normals to one side.
+    pub(crate) fn oriented(mut self, tree: &CloudTree<'_>) -> Self {
+        let flipped = orient(tree, &mut self.normals);
+        for (curvatures, _) in self.curvatures.iter_mut().zip(flipped).filter(|(_, flip)| *flip) {
+            *curvatures = [-curvatures[1], -curvatures[0]];
+        }
+        self
     }
 }
 
@@ -131,10 +138,10 @@ struct Fit {
 }
 
 impl Fit {
-    fn at(points: &[[f64; 3]], i: usize, neighbours: &[u32]) -> Self {
+    fn at(points: &[[f64; 3]], i: usize, near: &[Neighbour]) -> Self {
         let own = points[i];
         let offsets: Vec<[f64; 3]> =
-            std::iter::once([0.0; 3]).chain(neighbours.iter().map(|&j| sub(points[j as usize], own))).collect();
+            std::iter::once([0.0; 3]).chain(near.iter().map(|n| sub(points[n.1 as usize], own))).collect();
         let axes = principal_axes(&offsets);
         let [normal, first, _] = axes.directions;
         let second = cross(normal, first);
@@ -162,27 +169,23 @@ impl Fit {
     }
 }
 
-/// The `k` nearest neighbours of point `i`, and whether the nearest of them lie on a line. Those determine no plane; there twice as
-/// many are taken until they spread to both sides.
-fn neighbourhood(tree: &CloudTree<'_>, i: usize, k: usize) -> (Vec<(f64, u32)>, bool) {
-    let on_line = |near: &[(f64, u32)]| {
-        let offsets: Vec<_> = near.iter().map(|n| sub(tree.points[n.1 as usize], tree.points[i])).collect();
-        let [_, across, along] = principal_axes(&offsets).variances;
-        across < LINE_VARIANCE * along
-    };
-    let mut near = tree.nearest(i, k);
-    if !on_line(&near[..near.len().min(LINE_NEIGHBOURS)]) {
-        return (near, false);
-    }
+/// Whether neighbours of point `i` lie on a line.
+fn on_line(points: &[[f64; 3]], i: usize, near: &[Neighbour]) -> bool {
+    let offsets: Vec<_> = near.iter().map(|n| sub(points[n.1 as usize], points[i])).collect();
+    let [_, across, along] = principal_axes(&offsets).variances;
+    across < LINE_VARIANCE * along
+}
+
+/// Neighbours of a point on a line, which determine no plane until they spread to both sides: twice as many as `k`, and so on.
+fn beside_line(tree: &CloudTree<'_>, i: usize, k: usize) -> Vec<Neighbour> {
     let mut count = k;
-    while count < MOST_NEIGHBOURS {
+    loop {
         count *= 2;
-        near = tree.nearest(i, count);
-        if !on_line(&near) {
-            break;
+        let near = tree.nearest(i, count);
+        if count >= MOST_NEIGHBOURS || !on_line(tree.points, i, &near) {
+            return near;
         }
     }
-    (near, true)
 }
 
 /// The number of neighbours with the smallest median ratio of thickness to width.
@@ -193,19 +196,19 @@ fn flattest_neighbourhood(tree: &CloudTree<'_>) -> usize {
     let sample: Vec<usize> = (0..m).step_by(stride).collect();
     // A neighbourhood of more than an eighth of the cloud is no longer local.
     let most = MOST_NEIGHBOURS.min(m / 8);
+    let most = most.max(FEWEST_NEIGHBOURS);
+    let offsets: Vec<Vec<[f64; 3]>> = sample
+        .par_iter()
+        .map(|&i| tree.nearest(i, most).into_iter().map(|n| sub(points[n.1 as usize], points[i])).collect())
+        .collect();
     let mut best = (f64::INFINITY, FEWEST_NEIGHBOURS);
     let mut k = FEWEST_NEIGHBOURS;
-    while k <= most.max(FEWEST_NEIGHBOURS) {
-        let thickness = sample
-            .par_iter()
-            .map(|&i| {
-                let offsets: Vec<_> =
-                    tree.nearest(i, k).into_iter().map(|n| sub(points[n.1 as usize], points[i])).collect();
-                let [thin, wide, _] = principal_axes(&offsets).variances;
-                if wide > 0.0 { (thin / wide).sqrt() } else { 1.0 }
-            })
-            .collect();
-        let thickness = median(thickness);
+    while k <= most {
+        let thickness = |offsets: &Vec<[f64; 3]>| {
+            let [thin, wide, _] = principal_axes(&offsets[..k.min(offsets.len())]).variances;
+            if wide > 0.0 { (thin / wide).sqrt() } else { 1.0 }
+        };
+        let thickness = median(offsets.par_iter().map(thickness).collect());
         if thickness < best.0 {
             best = (thickness, k);
         }

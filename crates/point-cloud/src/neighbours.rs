@@ -1,12 +1,10 @@
 //! Nearest and radius neighbours of all points of a cloud.
 
-use std::num::NonZero;
-
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-use crate::{CloudError, check_finite};
+use crate::search::order;
+use crate::{CloudError, CloudTree, check_finite};
 
 /// The neighbours of each point of a cloud, itself left out, sorted by distance and then by index.
 ///
@@ -69,7 +67,7 @@ impl Neighbours {
             }
         }
         for list in &mut lists {
-            sort(list);
+            list.sort_unstable_by(order);
             list.dedup_by_key(|entry| entry.1);
         }
         Self::from_lists(&lists)
@@ -94,81 +92,6 @@ pub(crate) fn rows(points: ArrayView2<'_, f64>) -> Result<Vec<[f64; 3]>, CloudEr
     }
     check_finite(points)?;
     Ok(points.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect())
-}
-
-/// A search tree over points of space.
-pub(crate) struct CloudTree<'a> {
-    pub(crate) points: &'a [[f64; 3]],
-    tree: ImmutableKdTree<f64, 3>,
-    /// Answers to the questions that several steps ask, searched once.
-    known: Option<Known>,
-}
-
-/// The nearest neighbours of all points, up to some number.
-struct Known {
-    neighbours: Neighbours,
-    count: usize,
-}
-
-impl<'a> CloudTree<'a> {
-    pub(crate) fn new(points: &'a [[f64; 3]]) -> Result<Self, CloudError> {
-        let too_few = CloudError::TooFewPoints { given: points.len(), required: 1 };
-        if points.is_empty() {
-            return Err(too_few);
-        }
-        // Construction fails only for clouds beyond 2^32 points.
-        let tree = ImmutableKdTree::new_from_slice(points).map_err(|_| too_few)?;
-        Ok(Self { points, tree, known: None })
-    }
-
-    /// As [`CloudTree::new`], with the `count` nearest neighbours of all points searched at once and kept: 12 bytes each.
-    pub(crate) fn with_neighbours(points: &'a [[f64; 3]], count: usize) -> Result<Self, CloudError> {
-        let mut tree = Self::new(points)?;
-        tree.known = Some(Known { neighbours: tree.all_nearest(count), count });
-        Ok(tree)
-    }
-
-    /// The `k` nearest neighbours of point `i` with their distances.
-    pub(crate) fn nearest(&self, i: usize, k: usize) -> Vec<(f64, u32)> {
-        if let Some(Known { neighbours, .. }) = self.known.as_ref().filter(|known| k <= known.count) {
-            let pairs = neighbours.distances_of(i).iter().zip(neighbours.of(i));
-            return pairs.take(k).map(|(&d, &j)| (d, j)).collect();
-        }
-        // One more than asked for: the point finds itself.
-        let count = NonZero::new(k.min(self.points.len() - 1) + 1).unwrap_or(NonZero::<usize>::MIN);
-        let found = self.tree.query(&self.points[i]).nearest_n::<SquaredEuclidean<f64>>(count).execute();
-        let mut list = self.others(i, found.iter().map(|f| (f.distance, f.item)));
-        list.truncate(k);
-        list
-    }
-
-    pub(crate) fn within(&self, i: usize, radius: f64) -> Vec<(f64, u32)> {
-        let query = self.tree.query(&self.points[i]);
-        let found = query.within::<SquaredEuclidean<f64>>(radius * radius).unsorted().execute();
-        self.others(i, found.iter().map(|f| (f.distance, f.item)))
-    }
-
-    /// Calls `visit` with every point at a distance of at most `radius` from point `i`, itself included, in no order.
-    pub(crate) fn for_each_within(&self, i: usize, radius: f64, mut visit: impl FnMut(u32)) {
-        let query = self.tree.query(&self.points[i]);
-        let found = query.within::<SquaredEuclidean<f64>>(radius * radius).unsorted().execute();
-        found.iter().for_each(|f| visit(f.item));
-    }
-
-    fn others(&self, i: usize, found: impl Iterator<Item = (f64, u32)>) -> Vec<(f64, u32)> {
-        let mut list: Vec<_> = found.filter(|f| f.1 as usize != i).map(|(d, j)| (d.sqrt(), j)).collect();
-        sort(&mut list);
-        list
-    }
-
-    pub(crate) fn all_nearest(&self, k: usize) -> Neighbours {
-        let lists: Vec<_> = (0..self.points.len()).into_par_iter().map(|i| self.nearest(i, k)).collect();
-        Neighbours::from_lists(&lists)
-    }
-}
-
-fn sort(list: &mut [(f64, u32)]) {
-    list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! One side for all normals of a cloud.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use rayon::prelude::*;
 
-use crate::neighbours::CloudTree;
-use crate::vec3::{dot, sub, unit};
+use crate::search::CloudTree;
+use crate::vec3::{add, dot, sub, unit};
 
 /// Neighbours along which an orientation is passed on. Fewer may tear the graph, more may jump between close sheets.
 const GRAPH_NEIGHBOURS: usize = 8;
@@ -16,46 +15,67 @@ const OFF_PLANE: f64 = 0.5;
 /// Flips `normals` until those of neighbours agree, along a minimum spanning tree (Hoppe et al. 1992, §3.3) over the steps of
 /// [`step`], and returns which were flipped.
 ///
-/// The largest component of the sum of the normals of each connected part becomes positive.
+/// The largest component of the sum of the normals of each connected part becomes positive. The tree grows by Kruskal's
+/// algorithm, of which only the sorting of the steps counts.
 pub(crate) fn orient(tree: &CloudTree<'_>, normals: &mut [[f64; 3]]) -> Vec<bool> {
-    let graph = tree.all_nearest(GRAPH_NEIGHBOURS).symmetric();
-    let mut flipped = vec![false; normals.len()];
-    let mut done = vec![false; normals.len()];
-    for start in 0..normals.len() {
-        if done[start] {
-            continue;
-        }
-        let mut part = Vec::new();
-        let mut sum = [0.0f64; 3];
-        // Prim's algorithm; the weights are not negative, so their bits sort like the numbers.
-        let mut heap = BinaryHeap::from([Reverse((0u64, start as u32, start as u32))]);
-        while let Some(Reverse((_, at, from))) = heap.pop() {
-            let i = at as usize;
-            if done[i] {
-                continue;
-            }
-            done[i] = true;
-            if i != start && step(tree.points, normals, from as usize, i).agreement < 0.0 {
-                normals[i] = normals[i].map(|x| -x);
-                flipped[i] = true;
-            }
-            part.push(i);
-            sum = std::array::from_fn(|k| sum[k] + normals[i][k]);
-            for &j in graph.of(i) {
-                if !done[j as usize] {
-                    heap.push(Reverse((step(tree.points, normals, i, j as usize).weight.to_bits(), j, at)));
-                }
-            }
-        }
-        let largest = sum.into_iter().fold(0.0, |l: f64, x| if x.abs() > l.abs() { x } else { l });
-        if largest < 0.0 {
-            for i in part {
-                normals[i] = normals[i].map(|x| -x);
-                flipped[i] = !flipped[i];
-            }
-        }
+    let unoriented: &[[f64; 3]] = normals;
+    let steps_of = |i: usize| {
+        let steps = tree.nearest(i, GRAPH_NEIGHBOURS).into_iter().map(move |(_, j)| {
+            let Step { agreement, weight } = step(tree.points, unoriented, i, j as usize);
+            // Weights are not negative, so their bits sort like the numbers.
+            (weight.to_bits(), [j.min(i as u32), j.max(i as u32)], agreement < 0.0)
+        });
+        steps.collect::<Vec<_>>()
+    };
+    let mut steps: Vec<_> = (0..normals.len()).into_par_iter().flat_map_iter(steps_of).collect();
+    steps.par_sort_unstable();
+    let mut sides = Sides::new(normals.len());
+    steps.into_iter().for_each(|(_, [i, j], opposite)| sides.join(i, j, opposite));
+    let side: Vec<(u32, bool)> = (0..normals.len() as u32).map(|i| sides.root(i)).collect();
+    let mut sums = vec![[0.0; 3]; normals.len()];
+    for (normal, &(root, opposite)) in normals.iter().zip(&side) {
+        let sum: &mut [f64; 3] = &mut sums[root as usize];
+        *sum = if opposite { sub(*sum, *normal) } else { add(*sum, *normal) };
+    }
+    let points_down =
+        |sum: [f64; 3]| sum.into_iter().fold(0.0, |l: f64, x| if x.abs() > l.abs() { x } else { l }) < 0.0;
+    let flipped: Vec<bool> =
+        side.into_iter().map(|(root, opposite)| opposite != points_down(sums[root as usize])).collect();
+    for (normal, _) in normals.iter_mut().zip(&flipped).filter(|(_, flip)| **flip) {
+        *normal = normal.map(|x| -x);
     }
     flipped
+}
+
+/// Disjoint sets of normals, each on the same side as the one that stands for its set or on the other.
+struct Sides(Vec<(u32, bool)>);
+
+impl Sides {
+    fn new(n: usize) -> Self {
+        Self((0..n as u32).map(|i| (i, false)).collect())
+    }
+
+    /// The member that stands for the set of `i`, the smallest, and whether `i` is on the other side.
+    fn root(&mut self, mut i: u32) -> (u32, bool) {
+        let mut opposite = false;
+        while self.0[i as usize].0 != i {
+            // Path halving.
+            let (up, turn) = self.0[i as usize];
+            let (top, further) = self.0[up as usize];
+            self.0[i as usize] = (top, turn != further);
+            opposite ^= turn != further;
+            i = top;
+        }
+        (i, opposite)
+    }
+
+    /// Joins two sets so that `i` and `j` are on the same side, or on opposite ones. Within a set nothing changes.
+    fn join(&mut self, i: u32, j: u32, opposite: bool) {
+        let ((a, turn_a), (b, turn_b)) = (self.root(i), self.root(j));
+        if a != b {
+            self.0[a.max(b) as usize] = (a.min(b), turn_a ^ turn_b ^ opposite);
+        }
+    }
 }
 
 /// How an orientation passes from one point to another.

@@ -41,8 +41,8 @@ pub(crate) fn symmetric_eigen(mut a: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3])
                 continue;
             }
             let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-            let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-            let c = 1.0 / t.hypot(1.0);
+            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let c = 1.0 / (t * t + 1.0).sqrt();
             let s = t * c;
             for row in &mut a {
                 (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
@@ -74,7 +74,7 @@ impl Quadric {
         // Pivots below this share of the number of points: the points lie on a conic, or nearly so.
         const PIVOT: f64 = 1e-6;
         let n = points.len();
-        let radius = points.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
+        let radius = points.iter().map(|p| p[0] * p[0] + p[1] * p[1]).fold(0.0, f64::max).sqrt();
         if n < 6 || radius == 0.0 {
             return None;
         }

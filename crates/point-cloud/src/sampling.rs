@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::local_frame::{Frames, median};
-use crate::neighbours::CloudTree;
+use crate::search::CloudTree;
 
 /// Neighbours over which the spacing is smoothed by a median.
 const SPACING_MEDIAN: usize = 12;

@@ -19,13 +19,18 @@ impl TangentPlane {
         Self { origin, first, second: cross(normal, first) }
     }
 
+    /// The foot of `point` on the plane.
+    pub(crate) fn project(&self, point: [f64; 3]) -> [f64; 2] {
+        let d = sub(point, self.origin);
+        [dot(d, self.first), dot(d, self.second)]
+    }
+
     /// Direction and distance of `point` kept, height dropped: its place in the unrolled neighbourhood.
     pub(crate) fn unroll(&self, point: [f64; 3]) -> [f64; 2] {
-        let d = sub(point, self.origin);
-        let (x, y) = (dot(d, self.first), dot(d, self.second));
-        let flat = x.hypot(y);
-        let stretch = if flat > 0.0 { dot(d, d).sqrt() / flat } else { 0.0 };
-        [x * stretch, y * stretch]
+        let (foot, d) = (self.project(point), sub(point, self.origin));
+        let flat = square(foot);
+        let stretch = if flat > 0.0 { (dot(d, d) / flat).sqrt() } else { 0.0 };
+        foot.map(|x| x * stretch)
     }
 }
 
@@ -39,6 +44,8 @@ pub(crate) struct VoronoiCell {
     /// Vertices counter-clockwise, each with the neighbour behind the side that follows it.
     corners: Vec<([f64; 2], usize)>,
     spare: Vec<([f64; 2], usize)>,
+    /// Largest distance of a vertex from the point.
+    reach: f64,
 }
 
 impl VoronoiCell {
@@ -46,12 +53,12 @@ impl VoronoiCell {
     pub(crate) fn new(radius: f64) -> Self {
         let r = 2.0 * radius;
         let corners = vec![([-r, -r], BOX), ([r, -r], BOX), ([r, r], BOX), ([-r, r], BOX)];
-        Self { corners, spare: Vec::new() }
+        Self { corners, spare: Vec::new(), reach: r * std::f64::consts::SQRT_2 }
     }
 
     /// Cuts away what is closer to the neighbour `index` at `at` than to the origin.
     pub(crate) fn cut(&mut self, at: [f64; 2], index: usize) {
-        let limit = 0.5 * (at[0] * at[0] + at[1] * at[1]);
+        let limit = 0.5 * square(at);
         let excess = |p: [f64; 2]| p[0] * at[0] + p[1] * at[1] - limit;
         if limit == 0.0 || self.corners.iter().all(|c| excess(c.0) <= 0.0) {
             return;
@@ -76,11 +83,12 @@ impl VoronoiCell {
             }
         }
         std::mem::swap(&mut self.corners, &mut self.spare);
+        self.reach = self.corners.iter().map(|c| square(c.0)).fold(0.0, f64::max).sqrt();
     }
 
     /// Largest distance of a vertex from the point; no neighbour beyond twice this distance can cut the cell.
     pub(crate) fn reach(&self) -> f64 {
-        self.corners.iter().map(|c| c.0[0].hypot(c.0[1])).fold(0.0, f64::max)
+        self.reach
     }
 
     /// The Delaunay triangles at the point with a circumradius of at most `radius`, each as its two other vertices in
@@ -90,10 +98,14 @@ impl VoronoiCell {
         (0..n).filter_map(move |k| {
             let (p, next) = self.corners[k];
             let previous = self.corners[(k + n - 1) % n].1;
-            (previous != BOX && next != BOX && previous != next && p[0].hypot(p[1]) <= radius)
+            (previous != BOX && next != BOX && previous != next && square(p) <= radius * radius)
                 .then_some([previous, next])
         })
     }
+}
+
+fn square([x, y]: [f64; 2]) -> f64 {
+    x * x + y * y
 }
 
 #[cfg(test)]

@@ -3,7 +3,8 @@
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
-use crate::neighbours::{CloudTree, rows};
+use crate::neighbours::rows;
+use crate::search::CloudTree;
 use crate::vec3::{add, dot, norm, scale, sub};
 use crate::{BoundingBox, CloudError};
 

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use geom_io::{Format, ReadOptions, Scan, read_scan};
 use ndarray::Axis;
-use point_cloud::{SubMesh, TriangleMesh, check_surface_cloud, find_outliers, find_stray_pieces, largest_piece, thin};
+use point_cloud::{
+    Neighbours, SubMesh, TriangleMesh, check_surface_cloud, find_outliers, find_stray_pieces, largest_piece, thin,
+};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
@@ -14,8 +16,8 @@ use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Neighbours and robust standard deviations that make a point an outlier.
 const OUTLIERS: (usize, f64) = (12, 5.0);
-/// Spacings over which two points still belong to one piece.
-const PIECE_REACH: f64 = 3.0;
+/// Neighbours, and spacings over which they still belong to one piece.
+const PIECES: (usize, f64) = (24, 3.0);
 /// Points up to which outliers and stray pieces are looked for unasked: it takes a second for each 4·10⁵ points.
 const LOOKED_AT: usize = 200_000;
 
@@ -25,6 +27,8 @@ pub(crate) struct Cleaned {
     /// Row in the file of each point.
     pub(crate) rows: Vec<u32>,
     pub(crate) found: Found,
+    /// Neighbours of the points as they are, once searched: enough for all that is looked for.
+    neighbours: Option<Neighbours>,
 }
 
 /// What was found; `None` where it was not looked for.
@@ -38,7 +42,7 @@ pub(crate) struct Found {
 /// Crops, masks, cleans and thins.
 pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Cleaned, Error> {
     let m = scan.cloud.points.nrows();
-    let mut cleaned = Cleaned { scan, rows: (0..m as u32).collect(), found: Found::default() };
+    let mut cleaned = Cleaned { scan, rows: (0..m as u32).collect(), found: Found::default(), neighbours: None };
     if let Some(crop) = options.crop {
         let points = &cleaned.scan.cloud.points;
         let kept = (0..m).filter(|&i| crop.holds(points[[i, 0]], points[[i, 1]])).collect();
@@ -105,7 +109,16 @@ impl Cleaned {
         }
         *on_boundary = on_boundary.take().map(|labels| kept.iter().map(|&i| labels[i]).collect());
         self.rows = kept.iter().map(|&i| self.rows[i]).collect();
+        self.neighbours = None;
         Ok(())
+    }
+
+    fn neighbours(&mut self) -> Result<&Neighbours, Error> {
+        let found = match self.neighbours.take() {
+            Some(found) => found,
+            None => Neighbours::nearest(self.scan.cloud.points.view(), PIECES.0.max(OUTLIERS.0))?,
+        };
+        Ok(self.neighbours.insert(found))
     }
 
     fn stray(&mut self, remove: bool) -> Result<(), Error> {
@@ -116,7 +129,7 @@ impl Cleaned {
             return if remove { self.keep(kept, "--clean stray") } else { Ok(()) };
         }
         check_surface_cloud(self.scan.cloud.points.view(), 4)?;
-        let pieces = find_stray_pieces(self.scan.cloud.points.view(), PIECE_REACH)?;
+        let pieces = find_stray_pieces(self.neighbours()?, PIECES.1)?;
         let kept: Vec<usize> = (0..self.rows.len()).filter(|&i| pieces.piece_of[i] == 0).collect();
         self.found.stray = Some(self.rows.len() - kept.len());
         self.found.pieces = Some(pieces.sizes.len());
@@ -125,7 +138,7 @@ impl Cleaned {
 
     fn outliers(&mut self, remove: bool) -> Result<(), Error> {
         let (k, factor) = OUTLIERS;
-        let outliers = find_outliers(self.scan.cloud.points.view(), k, factor)?;
+        let outliers = find_outliers(self.neighbours()?, k, factor)?;
         self.found.outliers = Some(outliers.removed.len());
         if remove { self.keep(outliers.kept, "--clean outliers") } else { Ok(()) }
     }
