@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
 """Opens a STEP file with Open CASCADE (package cadquery-ocp) and checks shape and points.
 
-Usage: check_step.py MODEL.step POINTS.csv [TOLERANCE] [--faces N] [--unit millimetre|metre|inch] [--flipped] [--gmsh]
+Usage: check_step.py MODEL.step POINTS.csv [TOLERANCE] [--faces N] [--unit millimetre|metre|inch] [--flipped]
+                     [--closed u|v|uv] [--tips N] [--gmsh]
 
 POINTS.csv has columns u,v,x,y,z (u,x,y,z for a curve), in the unit of the file. Checked are
 - the transfer; validity of the shape (BRepCheck_Analyzer);
 - one shell, shared edges used once in each direction, free edges in one closed wire; number of faces where given;
+- of a closed surface: two closed wires of free edges, less one for each side that is a point, or none at all and then a
+  closed shell; a single face is closed in its parameters, with one seam edge for each closed direction;
 - that each point lies on the face of its parameters, at these parameters, within TOLERANCE (1e-9) of the diagonal;
 - that the area of all faces together is that of the surface as given by the points, roughly: no face is trimmed away.
 Exits with 1 at the first check that fails.
@@ -62,7 +65,17 @@ def load(path):
     return reader.OneShape()
 
 
-def check_shell(shape, faces_expected, flipped):
+def check_seam(face, edges, closed):
+    surface = BRep_Tool.Surface_s(face)
+    for direction, is_closed in (("u", surface.IsUClosed()), ("v", surface.IsVClosed())):
+        if is_closed != (direction in closed):
+            fail(f"the surface of the face is{'' if is_closed else ' not'} closed in {direction}")
+    seams = sum(BRep_Tool.IsClosed_s(edge, face) for edge, _ in edges)
+    if seams != len(closed):
+        fail(f"{seams} seam edges, not {len(closed)}")
+
+
+def check_shell(shape, faces_expected, flipped, closed, tips):
     if not BRepCheck_Analyzer(shape).IsValid():
         fail("the shape is not valid")
     shells = list(explore(shape, TopAbs_SHELL, AS_SHELL))
@@ -75,7 +88,8 @@ def check_shell(shape, faces_expected, flipped):
     if any((face.Orientation() == TopAbs_REVERSED) != flipped for face in faces):
         fail("a face has the wrong orientation")
     shared, free, ends = 0, 0, {}
-    for number, (edge, orientations) in enumerate(edges_with_orientations(faces)):
+    edges = edges_with_orientations(faces)
+    for number, (edge, orientations) in enumerate(edges):
         if BRep_Tool.Degenerated_s(edge):
             continue
         if len(orientations) > 1:
@@ -90,8 +104,13 @@ def check_shell(shape, faces_expected, flipped):
     if any(len(edges) % 2 for edges in ends.values()):
         fail("the free edges are no closed wires")
     wires = count_wires(list(ends.values()))
-    if wires != 1:
+    # A side that is a point has no edge.
+    if wires != {0: 1, 1: 2 - tips, 2: 0}[len(closed)]:
         fail(f"{wires} boundaries: the faces are not connected all over")
+    if closed and len(faces) == 1:
+        check_seam(faces[0], edges, closed)
+    if len(closed) == 2 and not all(BRep_Tool.IsClosed_s(shell) for shell in shells):
+        fail("the shell is not closed")
     return faces, shared, free
 
 
@@ -190,6 +209,8 @@ def main():
     parser.add_argument("--faces", type=int)
     parser.add_argument("--unit", choices=MILLIMETRES, default="millimetre")
     parser.add_argument("--flipped", action="store_true")
+    parser.add_argument("--closed", choices=["u", "v", "uv"], default="")
+    parser.add_argument("--tips", type=int, default=0, help="sides of a closed surface that are points")
     parser.add_argument("--gmsh", action="store_true")
     options = parser.parse_args()
 
@@ -206,7 +227,7 @@ def main():
         away = check_distance(shape, points, tolerance)
         print(f"{options.model}: a curve, {away / diagonal:.1e} of the diagonal away")
         return
-    faces, shared, free = check_shell(shape, options.faces, options.flipped)
+    faces, shared, free = check_shell(shape, options.faces, options.flipped, options.closed, options.tips)
     parameters = np.column_stack([table["u"], table["v"]])
     off = check_surface_points(faces, parameters, points, tolerance)
     away = check_distance(shape, points, tolerance)

@@ -67,6 +67,14 @@ for model in biquadratic:millimetre bicubic:inch mixed:metre hierarchical:millim
     "$python" tests/peers/check_gismo.py "$file.xml" "$file.csv"
     echo "$name: passed"
 done
+for model in tube:u:0 torus:uv:0 cap:u:1; do
+    IFS=: read -r name closed tips <<<"$model"
+    file=$models/$name ring=(--closed "$closed" --tips "$tips")
+    "$python" tests/peers/check_step.py "${file}_one.step" "$file.csv" --faces 1 "${ring[@]}" "${gmsh[@]}"
+    "$python" tests/peers/check_step.py "${file}_many.stp" "$file.csv" --flipped "${ring[@]}" "${gmsh[@]}"
+    "$python" tests/peers/check_gismo.py "$file.xml" "$file.csv"
+    echo "$name: passed"
+done
 "$python" tests/peers/check_step.py "$models/curve.step" "$models/curve.csv" --unit metre
 "$python" tests/peers/check_gismo.py "$models/curve.xml" "$models/curve.csv"
 echo "curve: passed"

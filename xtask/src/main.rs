@@ -4,11 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
-use param_nn::{ScatteredSpec, TrainOptions, Variant};
+use param_nn::{
+    Architecture, Form, GridTrainOptions, GriddedSpec, Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions, Variant,
+};
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
-use xtask::generate::{fixtures, scattered};
+use xtask::generate::{fixtures, gridded, scattered};
 use xtask::train::Run;
+use xtask::train::gridded::GridRun;
 use xtask::{tables, tidy, workspace_root};
 
 /// Chores of the repository.
@@ -30,6 +33,33 @@ enum Arguments {
 
 #[derive(Subcommand)]
 enum Generate {
+    /// Sample random curves and surfaces at sorted random parameters; one CSV file an item: u,x,y and so on.
+    Gridded {
+        /// What is sampled.
+        #[arg(long)]
+        kind: gridded::Kind,
+        /// Degree, or order of trigonometric curves.
+        #[arg(long, default_value_t = 3)]
+        degree: usize,
+        /// Points along the (first) direction.
+        #[arg(long)]
+        points: usize,
+        /// Points along the second direction of surfaces; as many by default.
+        #[arg(long)]
+        across: Option<usize>,
+        /// Standard deviation of the noise of each coordinate, before the points are scaled into the unit box.
+        #[arg(long, default_value_t = 0.0)]
+        noise: f64,
+        /// Seed of all random numbers.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// Number of items.
+        #[arg(long, default_value_t = 1)]
+        count: u64,
+        /// The folder to write to.
+        #[arg(long)]
+        out: PathBuf,
+    },
     /// Write the synthetic files of the folder fixtures.
     Fixtures {
         /// Write nothing; fail if a file differs from what would be written.
@@ -86,6 +116,8 @@ enum Generate {
 
 #[derive(Subcommand)]
 enum Train {
+    /// PARCNN, which parameterizes point sequences and grids. Run it in one thread: RAYON_NUM_THREADS=1.
+    Parcnn(ParcnnArguments),
     /// BIDGCN, which parameterizes scattered clouds. Run it in one thread: RAYON_NUM_THREADS=1.
     Bidgcn {
         /// Steps, one cloud each.
@@ -116,8 +148,104 @@ enum Train {
     },
 }
 
+/// What `train parcnn` is told.
+#[derive(clap::Args)]
+struct ParcnnArguments {
+    /// Dimension N of the points: 2 or 3.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(2..=3))]
+    dimension: u8,
+    /// Directions D: 1 for sequences, 2 for grids.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2))]
+    directions: u8,
+    /// Steps.
+    #[arg(long)]
+    steps: u64,
+    /// Sequences or grids a step.
+    #[arg(long, default_value_t = 32)]
+    batch: usize,
+    /// Largest learning rate.
+    #[arg(long, default_value_t = 2e-3)]
+    rate: f64,
+    /// Seed of weights and batches.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// The form as published, for this degree only.
+    #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u8).range(1..=8))]
+    plain: Option<u8>,
+    /// Layers of 30 channels before the last, as in Table 4.1; with --plain, in place of 4 or 5 of 100.
+    #[arg(long, requires = "plain")]
+    small: bool,
+    /// Sequences of 2d + 1 points only, as for Table 4.1.
+    #[arg(long)]
+    shortest: bool,
+    /// RMSprop with momentum and a constant rate, as published, in place of AdamW.
+    #[arg(long)]
+    rmsprop: bool,
+    /// Stop after so many validations without a new best, as published; by default all steps are taken.
+    #[arg(long)]
+    patience: Option<usize>,
+    /// The folder of the run: checkpoint, weights, log and curve.
+    #[arg(long)]
+    out: PathBuf,
+    /// Go on from the checkpoint in the folder; all but the number of steps is then taken from it.
+    #[arg(long)]
+    resume: bool,
+    /// Minutes between checkpoints.
+    #[arg(long, default_value_t = 3.0)]
+    minutes: f64,
+}
+
+impl ParcnnArguments {
+    fn run(self) -> GridRun {
+        let Self { dimension, directions, steps, batch, rate, seed, plain, small, .. } = self;
+        let form = match plain {
+            None => SHIPPED_FORM,
+            Some(degree) => {
+                let (blocks, width) = if small { (6, 30) } else { (3 + usize::from(directions), 100) };
+                Form::Published { degree: usize::from(degree), blocks, width }
+            }
+        };
+        let mut flags = plain.map_or(String::new(), |degree| format!(" --plain {degree}"));
+        for (set, flag) in [(small, " --small"), (self.shortest, " --shortest"), (self.rmsprop, " --rmsprop")] {
+            flags += if set { flag } else { "" };
+        }
+        let command = format!(
+            "cargo xtask train parcnn --dimension {dimension} --directions {directions} --steps {steps} --batch {batch} \
+             --rate {rate} --seed {seed}{flags}"
+        );
+        let architecture =
+            Architecture { dimension: usize::from(dimension), directions: usize::from(directions), form };
+        let recipe = if self.rmsprop { Recipe::RmsProp } else { Recipe::AdamW };
+        let options = GridTrainOptions { architecture, steps, batch, shortest: self.shortest, recipe, rate, seed };
+        let Self { out, resume, minutes, patience, .. } = self;
+        GridRun { options, out, resume, minutes, patience, command }
+    }
+}
+
 #[derive(Subcommand)]
 enum Tables {
+    /// Tables 4.1 to 4.5: sequences and grids, learned and classical.
+    Parcnn {
+        /// A folder with the public grids: `thesis/car2.xml`, `thesis/shiphull_scalePts.xml`, `iea15_blade_grid.csv`;
+        /// without it only generated points are used.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// Steps in which the networks that ours is compared with are trained; without, they are left out.
+        #[arg(long, value_name = "STEPS")]
+        train: Option<u64>,
+        /// The file to write, docs/results/parcnn.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// Stand-ins for Tables 5.2 and 5.3: quasi-interpolation and least squares, fixed and moving parameters, voids.
+    Qi {
+        /// A folder with the public clouds, such as `deepdrawingC.xml`; without it only generated clouds are fitted.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The file to write, docs/results/qi.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
     Classical {
         /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
@@ -133,6 +261,7 @@ enum Tables {
 fn main() -> Result<()> {
     let root = workspace_root();
     match Arguments::parse() {
+        Arguments::Train(Train::Parcnn(arguments)) => arguments.run().train(|line| println!("{line}"))?,
         Arguments::Train(Train::Bidgcn { steps, rate, seed, plain, ablation, out, resume, minutes }) => {
             let variant = if ablation { Variant::Dgcnn } else { Variant::Bidgcn };
             let options = TrainOptions { variant, frame: !plain, steps, rate, seed };
@@ -140,6 +269,24 @@ fn main() -> Result<()> {
             let flags: String = flags.into_iter().filter_map(|(set, flag)| set.then_some(flag)).collect();
             let command = format!("cargo xtask train bidgcn --steps {steps} --rate {rate} --seed {seed}{flags}");
             Run { options, out, resume, minutes, command }.train(|line| println!("{line}"))?;
+        }
+        Arguments::Tables(Tables::Parcnn { data, train, out }) => {
+            let path = out.unwrap_or_else(|| root.join("docs/results/parcnn.md"));
+            let text = tables::parcnn::document(data.as_deref(), train)?;
+            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            if data.is_none() {
+                println!("Table 4.5 needs --data DIR and was left out");
+            }
+            println!("{}", path.display());
+        }
+        Arguments::Tables(Tables::Qi { data, out }) => {
+            let path = out.unwrap_or_else(|| root.join("docs/results/qi.md"));
+            let text = tables::qi::document(data.as_deref())?;
+            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            if data.is_none() {
+                println!("tables of measured clouds need --data DIR and were left out");
+            }
+            println!("{}", path.display());
         }
         Arguments::Tables(Tables::Classical { data, out }) => {
             let path = out.unwrap_or_else(|| root.join("docs/results/classical.md"));
@@ -149,6 +296,12 @@ fn main() -> Result<()> {
                 println!("Tables 4.7 and 4.8 need --data DIR and were left out");
             }
             println!("{}", path.display());
+        }
+        Arguments::Generate(Generate::Gridded { kind, degree, points, across, noise, seed, count, out }) => {
+            let across = if kind == gridded::Kind::Surface { across.unwrap_or(points) } else { across.unwrap_or(1) };
+            let spec = GriddedSpec { shape: kind.shape(degree), size: [points, across], noise };
+            let paths = gridded::write(&spec, seed, count, &out)?;
+            println!("{} items in {}", paths.len(), out.display());
         }
         Arguments::Generate(Generate::Scattered { family, degree, points, noise, seed, count, out }) => {
             let spec = ScatteredSpec { control_points: family.into(), degree, interior: points, noise };

@@ -33,6 +33,13 @@ pub trait Solve<const D: usize> {
     /// # Errors
     /// Those of the method.
     fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, Self::Error>;
+
+    /// MARK: the cells to refine, worst first, of a method that has a rule of its own; it is asked after
+    /// [`Solve::estimate`] of the same map. `None` leaves the choice to [`Options::marking`]; no cell at all ends the loop
+    /// with [`Stop::Data`].
+    fn mark(&self, _map: &SplineMap<D>, _tolerance: f64) -> Option<Vec<usize>> {
+        None
+    }
 }
 
 /// A fitted map, and how long its parts took.

@@ -53,6 +53,8 @@ pub enum Stop {
     ToleranceReached,
     /// Refinement is needed in cells of the finest allowed level only.
     Levels,
+    /// The method's own rule allows no further refinement: where errors remain there are too few points.
+    Data,
     /// No further cell can be refined within the allowed number of functions.
     Dofs,
     /// Several iterations brought no progress.
@@ -71,6 +73,7 @@ impl Stop {
         match self {
             Self::ToleranceReached => "tolerance",
             Self::Levels => "levels",
+            Self::Data => "too-few-points",
             Self::Dofs => "max-dofs",
             Self::Stagnation => "stagnation",
             Self::Iterations => "iterations",
@@ -192,7 +195,8 @@ fn iterate<const D: usize, S: Solve<D>>(
         estimate: estimating.elapsed().as_secs_f64(),
         refine: 0.0,
     };
-    let marked = mark(estimate, options.marking, options.tolerance);
+    let by_rule = mark(estimate, options.marking, options.tolerance);
+    let marked = method.mark(&solution.map, options.tolerance).unwrap_or(by_rule);
     let record = Iteration {
         iteration,
         dofs: space.n_functions(),
@@ -245,6 +249,9 @@ fn refine<const D: usize>(
     marked: &[usize],
     options: &Options<D>,
 ) -> Result<HierarchicalSpace<D>, Stop> {
+    if marked.is_empty() {
+        return Err(Stop::Data);
+    }
     // Indices of marked cells come from the space itself, so what remains of errors is the limit on levels.
     let of_worst = |count: usize| space.refine(&marked[..count], &options.refinement).map_err(|_| Stop::Levels);
     let mut best = of_worst(marked.len())?;

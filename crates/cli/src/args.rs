@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use reconstruct::{
-    BlendChoice, BoundaryChoice, Clean, Crop, Domain, Energy, FitOptions, Format, GivenCorners, LambdaChoice,
-    LengthUnit, Mark, Method, Pair, ParameterChoice, ParameterOptions, RadiusChoice, ReadOptions, Refine, SideRule,
-    Tolerance,
+    BlendChoice, BoundaryChoice, Clean, Closed, Crop, Domain, Energy, FitOptions, Format, GivenCorners, LambdaChoice,
+    LengthUnit, LocalRule, Mark, Method, Pair, ParameterChoice, ParameterOptions, QuasiOptions, RadiusChoice,
+    ReadOptions, Refine, SideRule, Tolerance,
 };
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
@@ -121,11 +121,11 @@ pub(crate) struct FitArgs {
     #[command(flatten)]
     layout: LayoutArgs,
 
-    /// Fitting method: ls (fixed parameters), or parameters that move together with the surface: a-pdm, a-tdm, a-hdm (in
+    /// Fitting method: ls or qi (fixed parameters: one system for all control points, or a small local problem for each), or parameters that move together with the surface: a-pdm, a-tdm, a-hdm, a-qi (in
     /// turn), j-pdm, joint (at once).
     #[arg(long, default_value_t = FitOptions::default().method, help_heading = "What is fitted")]
     method: Method,
-    /// Corrections of the parameters after each refinement, for a-pdm, a-tdm and a-hdm.
+    /// Corrections of the parameters after each refinement, for a-pdm, a-tdm, a-hdm and a-qi.
     #[arg(long, default_value_t = FitOptions::default().corrections, help_heading = "What is fitted")]
     corrections: usize,
     /// Weight of the point distance in a-hdm: error, curvature, or a number from 0 to 1.
@@ -137,6 +137,16 @@ pub(crate) struct FitArgs {
     /// Points on the boundary of the square, while parameters move: kept (on their side) or free.
     #[arg(long, default_value_t = FitOptions::default().boundary, help_heading = "What is fitted")]
     boundary: BoundaryChoice,
+    /// Points that a local problem of qi and a-qi has at least. [default: the number of functions on a cell]
+    #[arg(long, value_name = "N", help_heading = "What is fitted")]
+    n_min: Option<usize>,
+    /// Share of the cells of a local problem that hold a point, at least.
+    #[arg(long, default_value_t = QuasiOptions::default().density, allow_hyphen_values = true, help_heading = "What is fitted")]
+    density: f64,
+    /// How the smoothing weight of a local problem follows from a given --lambda: constant, points (times their number) or
+    /// area (times the region's share of the square).
+    #[arg(long, default_value_t = QuasiOptions::default().local_lambda, value_name = "RULE", help_heading = "What is fitted")]
+    local_lambda: LocalRule,
     /// Degree, for both directions or as U,V; 1 to 8.
     #[arg(long, default_value_t = FitOptions::default().degree, help_heading = "What is fitted")]
     degree: Pair,
@@ -155,7 +165,7 @@ pub(crate) struct FitArgs {
     #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true, help_heading = "When it is good enough")]
     tol: Tolerance,
     /// Share of the points that must be within the tolerance; 1 for all.
-    #[arg(long, default_value_t = FitOptions::default().within, allow_hyphen_values = true, help_heading = "When it is good enough")]
+    #[arg(long, visible_alias = "nu", default_value_t = FitOptions::default().within, allow_hyphen_values = true, help_heading = "When it is good enough")]
     within: f64,
     /// Largest number of levels; level 0 counts.
     #[arg(long, default_value_t = FitOptions::default().levels, help_heading = "When it is good enough")]
@@ -174,6 +184,14 @@ pub(crate) struct FitArgs {
     /// Keep the mesh admissible of this class (2 or more): few levels meet on a cell. [default: not kept]
     #[arg(long, help_heading = "How it is refined")]
     admissible: Option<usize>,
+
+    /// Points in the support of a function from which on qi and a-qi may refine it. [default: twice the number of functions
+    /// on a cell]
+    #[arg(long, value_name = "N", help_heading = "How it is refined")]
+    n_loc: Option<usize>,
+    /// Parts of a support, as 2 or 2x2, each of which must hold its share of these points.
+    #[arg(long, default_value_t = QuasiOptions::default().splits, help_heading = "How it is refined")]
+    splits: Pair,
 
     /// Length unit of the coordinates: mm, m or inch.
     #[arg(long, default_value = "mm", value_parser = unit, help_heading = "What is written")]
@@ -199,6 +217,13 @@ impl FitArgs {
             blend: self.blend,
             damping: self.damping,
             boundary: self.boundary,
+            quasi: QuasiOptions {
+                n_min: self.n_min,
+                n_loc: self.n_loc,
+                density: self.density,
+                splits: self.splits,
+                local_lambda: self.local_lambda,
+            },
             degree: self.degree,
             mesh: self.mesh,
             lambda: self.lambda,
@@ -272,6 +297,10 @@ pub(crate) struct LayoutArgs {
     /// --lambda then applies in their units).
     #[arg(long, default_value_t = ParameterOptions::default().domain, help_heading = "How it is laid out")]
     domain: Domain,
+    /// Directions in which the surface closes on itself: none, u, v or uv, for grids whose lines close and for parameters
+    /// of the file, which then wrap at 1. --mesh must have more elements there than the degree.
+    #[arg(long, default_value_t = ParameterOptions::default().closed, help_heading = "How it is laid out")]
+    closed: Closed,
     /// Four points of the outline that become the corners (0,0), (1,0), (1,1), (0,1): their rows in the file, from 0.
     /// [default: chosen by the turning of the outline]
     #[arg(long, value_name = "A,B,C,D", help_heading = "How it is laid out")]
@@ -306,6 +335,7 @@ impl LayoutArgs {
             mask: self.mask.clone(),
             param: self.param,
             domain: self.domain,
+            closed: self.closed,
             corners: self.corners,
             outline: self.outline.clone(),
             side_rule: self.side_rule,

@@ -37,10 +37,13 @@ impl Side {
 /// Largest deviation of a boundary curve, relative to its largest coordinate, that counts as round-off.
 const ROUND_OFF: f64 = 1e-9;
 
-/// The functions that do not vanish on a side, increasing.
+/// The functions that do not vanish on a side, increasing. None where the side is a seam.
 pub fn boundary_functions(space: &HierarchicalSpace<2>, side: Side) -> Vec<usize> {
     let (direction, upper) = side.fixed();
     let mut functions = Vec::new();
+    if space.periodic()[direction] {
+        return functions;
+    }
     for level in 0..space.n_levels() {
         let counts = space.function_counts(level);
         let wanted = if upper { counts[direction] - 1 } else { 0 };
@@ -59,13 +62,17 @@ pub fn boundary_functions(space: &HierarchicalSpace<2>, side: Side) -> Vec<usize
 /// [`crate::LeastSquares::fit_with_fixed`]. The curve is parameterized as the side is.
 ///
 /// # Errors
-/// [`Error::BoundaryCurve`] if no surface of the space has this boundary, [`Error::Space`] if the domains differ.
+/// [`Error::BoundaryCurve`] if no surface of the space has this boundary, [`Error::Space`] if the domains differ,
+/// [`Error::Seam`] for a side where the space is periodic.
 pub fn boundary_coefficients(
     space: &Arc<HierarchicalSpace<2>>,
     side: Side,
     curve: &SplineMap<1>,
 ) -> Result<Fixed, Error> {
     let (direction, upper) = side.fixed();
+    if space.periodic()[direction] {
+        return Err(Error::Seam { direction });
+    }
     let (low, high) = space.domain();
     let constant = if upper { high[direction] } else { low[direction] };
     // More samples per cell than its polynomial has coefficients.

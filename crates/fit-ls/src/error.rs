@@ -90,6 +90,12 @@ pub enum Error {
         /// Largest deviation at the sampled parameters.
         deviation: f64,
     },
+    /// A boundary curve was given where the surface closes.
+    #[error("there is no boundary in direction {direction}: the surface is closed there")]
+    Seam {
+        /// The direction, from 0.
+        direction: usize,
+    },
     /// Statistics of different problems cannot be merged.
     #[error("normal equations of different spaces cannot be merged")]
     DifferentSpaces,

@@ -37,12 +37,12 @@ impl<'a, const D: usize> Terms<'a, D> {
 }
 
 /// Sums of one cell's points in Bernstein form: moments of degree `2p` and right-hand sides of degree `p`.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct CellSums {
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CellSums {
     /// `Σ ω B^{2p}_k`, `∏(2p_d + 1)` numbers, first direction fastest; one matrix after the other.
-    pub(crate) moments: Vec<f64>,
+    pub moments: Vec<f64>,
     /// `Σ ω B^p_i x`, `(n_local, N)`.
-    pub(crate) right: Vec<f64>,
+    pub right: Vec<f64>,
 }
 
 impl CellSums {

@@ -58,8 +58,12 @@ const TOLERANCE_SHARE: f64 = 0.5;
 /// Share of the fitted points that smoothing may keep from that part of the tolerance.
 const LOST_POINTS: f64 = 0.02;
 
-/// Chooses λ for points sorted by the cells of `space`.
-pub(crate) fn choose<const D: usize>(
+/// The smoothing weight that [`Lambda::Auto`] chooses for points sorted by the cells of `space`; `options.lambda` does not
+/// matter.
+///
+/// # Errors
+/// Those of [`LeastSquares::fit`].
+pub fn automatic_lambda<const D: usize>(
     points: &SortedPoints<D>,
     space: &HierarchicalSpace<D>,
     options: &Options<D>,

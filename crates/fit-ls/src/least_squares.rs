@@ -5,18 +5,13 @@ use std::time::Instant;
 
 use adaptive::{Estimate, Solution, Solve};
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use rayon::prelude::*;
 use thb_core::{CellSpace, HierarchicalSpace, Quadrature, SplineMap, SymmetricMatrix, SymmetricPattern, ThinPlate};
 
 use crate::cholesky::{Cholesky, FactorizationError};
-use crate::kernel::distances;
 use crate::{Error, Lambda, NormalEquations, SortedPoints};
 
 /// Number of functions without data that an error names.
 const NAMED: usize = 5;
-
-/// Points of one parallel task.
-const CHUNK: usize = 1 << 14;
 
 /// How to fit.
 #[derive(Clone, Debug)]
@@ -149,19 +144,7 @@ impl<const D: usize> LeastSquares<D> {
     pub fn distances(&mut self, map: &SplineMap<D>) -> Result<&[f64], Error> {
         self.sort(map.space())?;
         let mut errors = std::mem::take(&mut self.errors);
-        errors.resize(self.points.len(), 0.0);
-        let mut tasks = Vec::new();
-        let mut rest = &mut errors[..];
-        for (cell, ends) in self.points.offsets().windows(2).enumerate() {
-            for start in (ends[0]..ends[1]).step_by(CHUNK) {
-                let end = (start + CHUNK).min(ends[1]);
-                let (part, further) = std::mem::take(&mut rest).split_at_mut(end - start);
-                tasks.push((cell, start..end, part));
-                rest = further;
-            }
-        }
-        let bezier = map.bezier();
-        tasks.into_par_iter().for_each(|(cell, range, part)| distances(&self.points, range, bezier, cell, part));
+        self.points.distances(map.bezier(), &mut errors)?;
         self.errors = errors;
         Ok(&self.errors)
     }
@@ -180,7 +163,7 @@ impl<const D: usize> LeastSquares<D> {
         let lambda = match (self.lambda, self.options.lambda) {
             (Some(lambda), _) | (None, Lambda::Fixed(lambda)) => lambda,
             (None, Lambda::Auto { tolerance }) => {
-                *self.lambda.insert(crate::lambda::choose(&self.points, space, &self.options, tolerance)?)
+                *self.lambda.insert(crate::automatic_lambda(&self.points, space, &self.options, tolerance)?)
             }
         };
         let energy = self.energy(space)?;

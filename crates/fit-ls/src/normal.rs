@@ -110,30 +110,11 @@ pub(crate) fn cell_equations<const D: usize, S: CellSpace<D>>(
     expansion: &Expansion,
 ) -> Vec<CellEquations> {
     let (n, matrices) = (terms.columns.len(), terms.n_matrices());
-    let tasks: Vec<(usize, Range<usize>)> = cells
-        .flat_map(|cell| {
-            let (start, end) = (offsets[cell], offsets[cell + 1]);
-            (start..end).step_by(CHUNK).map(move |at| (cell, at..(at + CHUNK).min(end)))
-        })
-        .collect();
-    let partial: Vec<(usize, CellSums)> = tasks
-        .into_par_iter()
-        .map_init(
-            || Summation::new(space.degree(), n, matrices),
-            |summation, (number, range)| {
-                let cell = space.cell(number);
-                (number, summation.of(terms, range, cell.lower, cell.upper))
-            },
-        )
-        .collect();
-    let mut of_cells: Vec<(usize, CellSums)> = Vec::with_capacity(partial.len());
-    for (number, part) in partial {
-        match of_cells.last_mut() {
-            Some((last, whole)) if *last == number => whole.merge(&part),
-            _ => of_cells.push((number, part)),
-        }
-    }
-    of_cells
+    let boxes = cells.map(|number| {
+        let cell = space.cell(number);
+        (number, PointBox { points: offsets[number]..offsets[number + 1], lower: cell.lower, upper: cell.upper })
+    });
+    sums(space.degree(), terms, boxes)
         .into_par_iter()
         .map_init(Vec::new, |scratch, (number, sums)| {
             let cell = space.cell(number);
@@ -149,6 +130,69 @@ pub(crate) fn cell_equations<const D: usize, S: CellSpace<D>>(
             CellEquations { cell: number, matrices, right }
         })
         .collect()
+}
+
+/// Points of a box of parameters in which they are sums of polynomials.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointBox<const D: usize> {
+    /// The points, by their places among sorted points; all must lie in the box.
+    pub points: Range<usize>,
+    /// Lower corner.
+    pub lower: [f64; D],
+    /// Upper corner.
+    pub upper: [f64; D],
+}
+
+/// The sums of the points of each box, in the Bernstein basis of the box: moments `Σ ω B^{2p}_k` and right-hand sides
+/// `Σ ω B^p_i x`. Boxes without points have empty sums. The same bits for any number of threads.
+///
+/// # Errors
+/// [`Error::Shape`] for a range of points that does not exist.
+pub fn box_sums<const D: usize>(
+    points: &SortedPoints<D>,
+    degree: [usize; D],
+    boxes: &[PointBox<D>],
+) -> Result<Vec<CellSums>, Error> {
+    if let Some(outside) = boxes.iter().find(|b| b.points.start > b.points.end || b.points.end > points.len()) {
+        return Err(Error::Shape { what: "end of a range of points", given: outside.points.end, expected: points.len() });
+    }
+    let mut result = vec![CellSums::default(); boxes.len()];
+    for (number, part) in sums(degree, Terms::of(points), boxes.iter().cloned().enumerate()) {
+        result[number] = part;
+    }
+    Ok(result)
+}
+
+/// The sums of numbered boxes; those without points are left out.
+fn sums<const D: usize>(
+    degree: [usize; D],
+    terms: Terms<'_, D>,
+    boxes: impl Iterator<Item = (usize, PointBox<D>)>,
+) -> Vec<(usize, CellSums)> {
+    let (n, matrices) = (terms.columns.len(), terms.n_matrices());
+    let tasks: Vec<(usize, PointBox<D>)> = boxes
+        .flat_map(|(number, PointBox { points: Range { start, end }, lower, upper })| {
+            (start..end).step_by(CHUNK).map(move |at| {
+                let points = at..(at + CHUNK).min(end);
+                (number, PointBox { points, lower, upper })
+            })
+        })
+        .collect();
+    let partial: Vec<(usize, CellSums)> = tasks
+        .into_par_iter()
+        .map_init(
+            || Summation::new(degree, n, matrices),
+            |summation, (number, part)| (number, summation.of(terms, part.points, part.lower, part.upper)),
+        )
+        .collect();
+    let mut of_boxes: Vec<(usize, CellSums)> = Vec::with_capacity(partial.len());
+    for (number, part) in partial {
+        match of_boxes.last_mut() {
+            Some((last, whole)) if *last == number => whole.merge(&part),
+            _ => of_boxes.push((number, part)),
+        }
+    }
+    of_boxes
 }
 
 /// From moments of degree 2p to the products of Bernstein polynomials of degree p:

@@ -3,9 +3,10 @@
 use ndarray::ArrayView1;
 use ndarray::ArrayView2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, HierarchicalSpace};
+use thb_core::{BezierMap, CellSpace, HierarchicalSpace};
 
 use crate::Error;
+use crate::kernel::distances;
 
 /// Points with parameters, kept in the order of the cells of a space. Coordinates are stored separately so that kernels
 /// read whole vectors. Memory: 8 (D + N + 1) + 8 bytes a point, with weights 8 more.
@@ -155,6 +156,64 @@ impl<const D: usize> SortedPoints<D> {
         if given == self.len() { Ok(()) } else { Err(Error::Shape { what, given, expected: self.len() }) }
     }
 
+    /// Puts the points in another order, in which `from[at]` is the present place of the point at place `at`, and divides
+    /// them among cells: `offsets[c]..offsets[c + 1]` are the places of cell `c`.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if `from` is no permutation or the offsets do not divide the points.
+    pub fn rearrange(&mut self, from: &[u32], offsets: Vec<usize>) -> Result<(), Error> {
+        self.check_length("places of points", from.len())?;
+        let mut met = vec![false; from.len()];
+        for &old in from {
+            match met.get_mut(old as usize) {
+                Some(met) if !*met => *met = true,
+                _ => return Err(Error::Shape { what: "place of a point", given: old as usize, expected: from.len() }),
+            }
+        }
+        self.divide(offsets)?;
+        self.gather(from);
+        Ok(())
+    }
+
+    /// Divides the points, in their present order, among cells: `offsets[c]..offsets[c + 1]` are the places of cell `c`.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the offsets do not divide the points.
+    pub fn divide(&mut self, offsets: Vec<usize>) -> Result<(), Error> {
+        let last = offsets.last().copied().unwrap_or(0);
+        self.check_length("last offset of cells", last)?;
+        if offsets.len() < 2 || offsets[0] != 0 || !offsets.is_sorted() {
+            return Err(Error::Shape { what: "increasing offsets of cells, from 0", given: 0, expected: offsets.len() });
+        }
+        self.offsets = offsets;
+        Ok(())
+    }
+
+    /// Distances of the points to a map whose cells they are sorted by, in their order.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if they are sorted for another number of cells or the dimensions differ.
+    pub fn distances(&self, map: &BezierMap<D>, out: &mut Vec<f64>) -> Result<(), Error> {
+        let shape = |what, given: usize, expected: usize| {
+            if given == expected { Ok(()) } else { Err(Error::Shape { what, given, expected }) }
+        };
+        shape("cells the points are sorted for", self.offsets.len() - 1, map.n_cells())?;
+        shape("coordinates of the map", map.dim(), self.dim())?;
+        out.resize(self.len(), 0.0);
+        let mut tasks = Vec::new();
+        let mut rest = &mut out[..];
+        for (cell, ends) in self.offsets.windows(2).enumerate() {
+            for start in (ends[0]..ends[1]).step_by(CHUNK) {
+                let end = (start + CHUNK).min(ends[1]);
+                let (part, further) = std::mem::take(&mut rest).split_at_mut(end - start);
+                tasks.push((cell, start..end, part));
+                rest = further;
+            }
+        }
+        tasks.into_par_iter().for_each(|(cell, range, part)| distances(self, range, map, cell, part));
+        Ok(())
+    }
+
     /// The sum of the weights.
     pub fn total_weight(&self) -> f64 {
         self.weights.as_ref().map_or(self.len() as f64, |w| w.iter().sum())
@@ -213,11 +272,15 @@ impl<const D: usize> SortedPoints<D> {
             from[*slot] = old as u32;
             *slot += 1;
         }
-        for column in self.parameters.iter_mut().chain(&mut self.points).chain(&mut self.weights) {
-            gather(column, &from);
-        }
-        gather(&mut self.order, &from);
+        self.gather(&from);
         self.offsets = offsets;
+    }
+
+    fn gather(&mut self, from: &[u32]) {
+        for column in self.parameters.iter_mut().chain(&mut self.points).chain(&mut self.weights) {
+            gather(column, from);
+        }
+        gather(&mut self.order, from);
     }
 
     /// Sorts by the cells of a hierarchical space, given the one sorted for before.

@@ -4,7 +4,7 @@ mod model_common;
 
 use geom_io::model::gismo::{parse_gismo, write_gismo};
 use geom_io::model::{Geometry, LengthUnit, Model, ModelErrorKind};
-use model_common::{curve, random_map, random_space};
+use model_common::{curve, random_map, random_space, ring};
 use proptest::prelude::*;
 use thb_core::{CellSpace, Kind, SplineMap};
 
@@ -24,6 +24,22 @@ fn same_map<const D: usize>(a: &SplineMap<D>, b: &SplineMap<D>) -> bool {
         && corners(a) == corners(b)
         && (0..s.n_cells()).all(|cell| s.cell(cell).functions == t.cell(cell).functions)
         && a.coefficients().iter().zip(b.coefficients()).all(|(x, y)| x.to_bits() == y.to_bits())
+}
+
+#[test]
+fn periodic_maps_are_written_opened() {
+    for (torus, kind) in [(false, Kind::Thb), (true, Kind::Hb)] {
+        let map = ring(kind, [3, 2], [8, 6], torus, 3);
+        let back = parse_gismo(written(&Model::surface(map.clone(), LengthUnit::Millimetre)).as_bytes()).unwrap();
+        let Geometry::Surface(back) = back.geometry else { panic!("no surface") };
+        assert_eq!(back.space().periodic(), [false; 2]);
+        assert!(back.space().n_functions() > map.space().n_functions());
+        for i in 0..400 {
+            let u = [f64::from(i % 20) / 19.0, f64::from(i / 20) / 19.0];
+            let (a, b) = (back.eval(u).unwrap(), map.eval(u).unwrap());
+            assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12 * 60.0), "{u:?}: {a:?} {b:?}");
+        }
+    }
 }
 
 proptest! {

@@ -4,7 +4,7 @@ mod model_common;
 
 use geom_io::model::json::{parse_json, write_json};
 use geom_io::model::{Geometry, LengthUnit, Model, ModelErrorKind, WriteOptions, read_model, write_model};
-use model_common::{curve, random_map, random_space, sheet};
+use model_common::{curve, random_map, random_space, ring, sheet};
 use proptest::prelude::*;
 use thb_core::{CellSpace, Kind, SplineMap};
 
@@ -100,12 +100,28 @@ fn foreign_and_later_files_are_told_from_damaged_ones() {
     assert!(
         matches!(changed("thb-spline-model", "mesh"), Err(ModelErrorKind::ForeignFormat { found, .. }) if found == "mesh")
     );
-    assert!(matches!(changed("\"version\": 1", "\"version\": 2"), Err(ModelErrorKind::Version { found: 2, .. })));
+    assert!(matches!(changed("\"version\": 1", "\"version\": 3"), Err(ModelErrorKind::Version { found: 3, .. })));
     assert!(matches!(changed("\"dimension\": 2", "\"dimension\": 3"), Err(ModelErrorKind::Count { found: 3, .. })));
     assert!(matches!(changed("\"dimension\": 2", "\"dimension\": 1"), Err(ModelErrorKind::Count { found: 2, .. })));
     assert!(matches!(changed("\"thb\"", "\"nurbs\""), Err(ModelErrorKind::Json { .. })));
     assert!(matches!(changed("[2,2]", "[2,3]"), Err(ModelErrorKind::Spline(_))));
     assert!(matches!(changed("[2,2]", "[2]"), Err(ModelErrorKind::Count { .. })));
+}
+
+#[test]
+fn periodic_maps_come_back_to_the_last_bit() {
+    for torus in [false, true] {
+        let map = ring(Kind::Thb, [3, 2], [8, 6], torus, 3);
+        let bytes = written(&Model::surface(map.clone(), LengthUnit::Inch));
+        assert!(String::from_utf8_lossy(&bytes).contains("\"version\": 2"));
+        let Geometry::Surface(back) = parse_json(&bytes).unwrap().geometry else { panic!("no surface") };
+        assert_eq!(back.space().periodic(), [true, torus]);
+        assert!(same_map(&map, &back));
+    }
+    let few = changed("\"splits\"", "\"periodic\": [true, true], \"splits\"");
+    assert!(matches!(few, Err(ModelErrorKind::Spline(_))), "{few:?}");
+    let short = changed("\"splits\"", "\"periodic\": [true], \"splits\"");
+    assert!(matches!(short, Err(ModelErrorKind::Count { what: "flags of periodic directions", .. })), "{short:?}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use geom_io::model::{Geometry, LengthUnit, Model, StepOptions, WriteOptions, read_model, write_model};
-use model_common::{curve, dome, sheet, spots};
+use model_common::{cap, curve, dome, ring, sheet, spots};
 use thb_core::{CellSpace, Kind, SplineMap};
 
 /// Sites per direction, cell boundaries among them.
@@ -62,6 +62,24 @@ fn surfaces() {
         }
         write_model(&folder().join(format!("{name}_one.step")), &model, &step(usize::MAX, false)).unwrap();
         write_model(&folder().join(format!("{name}_many.stp")), &model, &step(limit, true)).unwrap();
+    }
+}
+
+#[test]
+fn closed_surfaces() {
+    let ring = |torus| ring(Kind::Thb, [3, 2], [8, 6], torus, 4);
+    for (name, map) in [("tube", ring(false)), ("torus", ring(true)), ("cap", cap(4))] {
+        write_points(&folder().join(format!("{name}.csv")), &map);
+        let model = Model::surface(map.clone(), LengthUnit::Millimetre);
+        for suffix in [".xml", ".json"] {
+            let path = folder().join(format!("{name}{suffix}"));
+            write_model(&path, &model, &WriteOptions::default()).unwrap();
+            let Geometry::Surface(back) = read_model(&path).unwrap().geometry else { panic!("{path:?}: no surface") };
+            let (a, b) = (back.eval([0.3, 0.41]).unwrap(), map.eval([0.3, 0.41]).unwrap());
+            assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12 * 60.0));
+        }
+        write_model(&folder().join(format!("{name}_one.step")), &model, &step(usize::MAX, false)).unwrap();
+        write_model(&folder().join(format!("{name}_many.stp")), &model, &step(400, true)).unwrap();
     }
 }
 

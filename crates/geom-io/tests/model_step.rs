@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use geom_io::model::step::{StepFile, StepOptions};
 use geom_io::model::{LengthUnit, Model, ModelErrorKind};
-use model_common::{curve, dome, sheet, spots};
+use model_common::{cap, curve, dome, ring, sheet, spots};
 use ndarray::Array2;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
@@ -160,6 +160,13 @@ impl Parsed {
     /// Loops are closed, inner edges are used once in each direction, the others form one closed boundary. Returns the
     /// numbers of inner and of boundary edges.
     fn check_topology(&self) -> (usize, usize) {
+        let (inner, outer, boundaries) = self.topology();
+        assert_eq!(boundaries, 1, "the boundary is not in one piece");
+        (inner, outer)
+    }
+
+    /// The same with any number of closed boundaries, which is returned too.
+    fn topology(&self) -> (usize, usize, usize) {
         let mut uses: BTreeMap<u64, Vec<bool>> = BTreeMap::new();
         for face in self.all("ADVANCED_FACE") {
             let [bound] = face[1].references()[..] else { panic!("a face has one bound") };
@@ -182,8 +189,8 @@ impl Parsed {
         for (edge, directions) in &inner {
             assert!(directions.len() == 2 && directions[0] != directions[1], "#{edge} is used as {directions:?}");
         }
-        // Walk round the boundary: each vertex starts one edge of it, and one tour takes them all.
-        let next: BTreeMap<u64, u64> = outer
+        // Walk round the boundaries: each vertex starts one edge of them.
+        let mut next: BTreeMap<u64, u64> = outer
             .iter()
             .map(|(edge, directions)| {
                 let edge = self.of(*edge, "EDGE_CURVE");
@@ -192,12 +199,13 @@ impl Parsed {
             })
             .collect();
         assert_eq!(next.len(), outer.len());
-        let first = *next.keys().next().unwrap();
-        let (mut at, mut steps) = (next[&first], 1);
-        while at != first {
-            (at, steps) = (next[&at], steps + 1);
+        let mut boundaries = 0;
+        while let Some((first, mut at)) = next.pop_first() {
+            while at != first {
+                at = next.remove(&at).expect("a boundary ends");
+            }
+            boundaries += 1;
         }
-        assert_eq!(steps, outer.len(), "the boundary is not in one piece");
         // The ends of each edge's curve are its vertices.
         for edge in self.all("EDGE_CURVE") {
             let curve = self.of(edge[3].reference(), "B_SPLINE_CURVE_WITH_KNOTS")[2].references();
@@ -207,7 +215,7 @@ impl Parsed {
                 assert!((0..3).all(|k| (vertex[k] - point[k]).abs() < 1e-12 * 200.0), "{vertex:?} is not {point:?}");
             }
         }
-        (inner.len(), outer.len())
+        (inner.len(), outer.len(), boundaries)
     }
 }
 
@@ -217,7 +225,8 @@ fn shell(map: SplineMap<2>, options: &StepOptions) -> (StepFile, Parsed) {
     parsed.check_references();
     assert_eq!(parsed.check_splines(), file.n_control_points());
     assert_eq!(parsed.count("ADVANCED_FACE"), file.n_faces());
-    assert_eq!((parsed.count("OPEN_SHELL"), parsed.count("SHELL_BASED_SURFACE_MODEL")), (1, 1));
+    let shells = parsed.count("OPEN_SHELL") + parsed.count("CLOSED_SHELL");
+    assert_eq!((shells, parsed.count("SHELL_BASED_SURFACE_MODEL")), (1, 1));
     (file, parsed)
 }
 
@@ -318,6 +327,55 @@ fn a_collapsed_side_has_no_edge() {
         assert_eq!(parsed.all("VERTEX_POINT").filter(at_tip).count(), 1);
         assert!(parsed.all("EDGE_LOOP").any(|p| p[1].list().len() == 3), "{} faces", file.n_faces());
     }
+}
+
+#[test]
+fn periodic_surfaces_close() {
+    for (torus, kind) in [(false, Kind::Thb), (true, Kind::Thb), (true, Kind::Hb)] {
+        let map = ring(kind, [3, 2], [8, 6], torus, 4);
+        for limit in [usize::MAX, 400] {
+            let (file, parsed) = shell(map.clone(), &limited(limit));
+            let (inner, outer, boundaries) = parsed.topology();
+            let vertices = parsed.count("VERTEX_POINT");
+            assert_eq!(boundaries, if torus { 0 } else { 2 });
+            assert_eq!(parsed.count("CLOSED_SHELL"), usize::from(torus));
+            // Euler's number of a torus and of a tube is 0: the faces fit together all round.
+            assert_eq!(vertices + file.n_faces(), inner + outer);
+            if limit == usize::MAX {
+                assert_eq!((file.n_faces(), vertices), (1, if torus { 1 } else { 2 }));
+                let surface = parsed.all("B_SPLINE_SURFACE_WITH_KNOTS").next().unwrap();
+                let flag = |closed| Value::Other(if closed { ".T." } else { ".F." }.to_owned());
+                assert_eq!((&surface[5], &surface[6]), (&flag(true), &flag(torus)));
+            } else {
+                assert!(file.n_faces() > 4, "{} faces", file.n_faces());
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cap_closes_round_its_tip() {
+    for limit in [usize::MAX, 150] {
+        let (file, parsed) = shell(cap(4), &limited(limit));
+        let (inner, outer) = parsed.check_topology();
+        // A disk: Euler's number 1.
+        assert_eq!(parsed.count("VERTEX_POINT") + file.n_faces(), inner + outer + 1);
+    }
+}
+
+#[test]
+fn a_closed_curve_ends_where_it_begins() {
+    let knots = KnotVector::uniform_periodic(3, 7).unwrap();
+    let space = HierarchicalSpace::new(Kind::Thb, [knots]).unwrap();
+    let coefficients = Array2::from_shape_fn((7, 3), |(i, k)| ((i * 5 + k * i) % 7) as f64);
+    let map = SplineMap::new(Arc::new(space), coefficients).unwrap();
+    let parsed = Parsed::new(&StepFile::new(&Model::curve(map, LengthUnit::Metre), &StepOptions::default()).unwrap());
+    parsed.check_splines();
+    let curve = parsed.all("B_SPLINE_CURVE_WITH_KNOTS").next().unwrap();
+    let points = curve[2].references();
+    let (first, last) = (parsed.point(points[0]), parsed.point(points[points.len() - 1]));
+    assert!(first.iter().zip(last).all(|(a, b)| (a - b).abs() < 1e-14), "{first:?} {last:?}");
+    assert_eq!(curve[4], Value::Other(".T.".to_owned()));
 }
 
 #[test]

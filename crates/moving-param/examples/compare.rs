@@ -4,8 +4,10 @@
 //!
 //! The file has the columns u, v, x, y, z. Further settings: `extension` (2), `iterations` (20), `levels`, `dofs`,
 //! `share` (of the points to refine for, 0 for all beyond the tolerance), `boundary` (kept or free), `guard` (on or off),
-//! `barrier` (on or off: against folding the Delaunay triangles of the parameters), `moves` (on to print what moved).
-//! Methods: `fixed`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ), `joint:steps:decrease:polish:emphasis`,
+//! `barrier` (on or off: against folding the Delaunay triangles of the parameters), `moves` (on to print what moved),
+//! `within` (share of the points that must be met); of quasi-interpolation `nmin`, `nloc` (0 for the usual ones), `density`,
+//! `splits` and `local` (constant, points or area: how the smoothing weight is scaled).
+//! Methods: `fixed`, `qi`, `a-qi:k`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ), `joint:steps:decrease:polish:emphasis`,
 //! `j-pdm:a`, `j-pdm:b`, `j-pdm:η:K`.
 
 use std::collections::HashMap;
@@ -16,7 +18,10 @@ use std::time::Instant;
 
 use adaptive::{Iteration, Marking, Outcome, Solve, run};
 use fit_ls::{Lambda, LeastSquares};
-use moving_param::{Blend, Boundary, Distance, JointOptions, Method, MovingFit, Options, Schedule};
+use fit_qi::{LocalLambda, QuasiInterpolation};
+use moving_param::{
+    Blend, Boundary, Distance, JointOptions, Method, MovingFit, MovingQuasi, Options, QuasiOptions, Schedule,
+};
 use ndarray::{Array2, Axis};
 use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
 use thb_core::{HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement};
@@ -41,7 +46,7 @@ fn main() -> Result<(), Failure> {
     let share = number("share", 0.0)?;
     let adaptive = adaptive::Options {
         tolerance,
-        within: 1.0,
+        within: number("within", 1.0)?,
         marking: if share > 0.0 { Marking::Share(share) } else { Marking::Threshold },
         refinement: Refinement {
             extension: [number("extension", 2.0)? as usize; 2],
@@ -55,12 +60,40 @@ fn main() -> Result<(), Failure> {
     let fitting = fit_ls::Options { lambda, quadrature: Quadrature::GaussP, ..fit_ls::Options::default() };
     let boundary = if text("boundary", "kept") == "free" { Boundary::Free } else { Boundary::Kept };
     let guard = text("guard", "on") == "on";
+    let given = |key| number(key, 0.0).map(|n| (n > 0.0).then_some(n as usize));
+    let weight = number("lambda", 1e-7)?;
+    let local = fit_qi::Options {
+        lambda: match text("local", "constant").as_str() {
+            "points" => LocalLambda::PerPoint(weight),
+            "area" => LocalLambda::PerArea(weight),
+            _ => LocalLambda::Constant(weight),
+        },
+        n_min: given("nmin")?,
+        n_loc: given("nloc")?,
+        density: number("density", 0.3)?,
+        splits: [number("splits", 1.0)? as usize; 2],
+    };
     for name in text("methods", "fixed,a-pdm:1,a-pdm:3,a-hdm:3:0.01,joint,j-pdm:b").split(',') {
         println!("{name}");
         let clock = Instant::now();
         if name == "fixed" {
             let mut method = LeastSquares::new(parameters.view(), points.view(), None, fitting.clone())?;
             finish(&mut method, &space, &adaptive, clock)?;
+            continue;
+        }
+        // Supports of functions are refined as they are.
+        let by_functions =
+            adaptive::Options { refinement: Refinement { extension: [0; 2], ..adaptive.refinement }, ..adaptive };
+        if name == "qi" {
+            let mut method = QuasiInterpolation::new(parameters.view(), points.view(), None, local)?;
+            finish(&mut method, &space, &by_functions, clock)?;
+            continue;
+        }
+        if let Some(corrections) = name.strip_prefix("a-qi:") {
+            let options =
+                QuasiOptions { corrections: corrections.parse()?, boundary, tolerance, ..QuasiOptions::default() };
+            let mut method = MovingQuasi::new(parameters.view(), points.view(), None, local, options)?;
+            finish(&mut method, &space, &by_functions, clock)?;
             continue;
         }
         let options = Options { method: parse(name)?, boundary, tolerance, guard, ..Options::default() };

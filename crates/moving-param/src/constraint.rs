@@ -51,6 +51,13 @@ impl<const D: usize> Constraints<D> {
         Self { held: parameters.outer_iter().map(bits).collect() }
     }
 
+    /// The same constraints without those on the sides of some directions: at the seam of a periodic one points pass.
+    pub fn released(mut self, directions: [bool; D]) -> Self {
+        let bits = (0..D).fold(0, |bits, d| bits | u8::from(directions[d]) << d);
+        self.held.iter_mut().for_each(|held| *held &= !bits);
+        self
+    }
+
     /// Whether each direction of a point is free.
     pub fn free(&self, index: usize) -> [bool; D] {
         let held = self.held.get(index).copied().unwrap_or(0);

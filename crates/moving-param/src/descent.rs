@@ -44,13 +44,37 @@ impl<const D: usize> Local<D> {
         let gradient = std::array::from_fn(|a| dot(&jet.first[a], &residual));
         Self { squared: dot(&residual, &residual), gradient, hessian, metric }
     }
+
+    /// With a spring on the parameter.
+    #[inline(always)]
+    pub(crate) fn anchored(mut self, squared: f64, pull: [f64; D], stiffness: [f64; D]) -> Self {
+        self.squared += squared;
+        for d in 0..D {
+            self.gradient[d] += pull[d];
+            self.hessian[d][d] += stiffness[d];
+            self.metric[d][d] += stiffness[d];
+        }
+        self
+    }
 }
 
 /// What a descent remembers from step to step.
 pub(crate) enum DescentState<const D: usize> {
-    Newton { damping: f64 },
-    Gradient { length: f64, min_step: f64 },
-    QuasiNewton { inverse: [[f64; D]; D], before: Option<([f64; D], [f64; D])>, length: f64, min_step: f64 },
+    Newton {
+        damping: f64,
+    },
+    Gradient {
+        length: f64,
+        min_step: f64,
+    },
+    /// `moved` is the way since `before`, the gradient at the last step.
+    QuasiNewton {
+        inverse: [[f64; D]; D],
+        moved: [f64; D],
+        before: Option<[f64; D]>,
+        length: f64,
+        min_step: f64,
+    },
 }
 
 /// First damping of a Newton step that did not descend, as a share of the metric; then it grows by `DAMPING_FACTOR`.
@@ -65,13 +89,13 @@ impl<const D: usize> DescentState<D> {
             Descent::Newton => Self::Newton { damping: 0.0 },
             Descent::Gradient { min_step } => Self::Gradient { length: 1.0, min_step },
             Descent::QuasiNewton { min_step } => {
-                Self::QuasiNewton { inverse: [[0.0; D]; D], before: None, length: 1.0, min_step }
+                Self::QuasiNewton { inverse: [[0.0; D]; D], moved: [0.0; D], before: None, length: 1.0, min_step }
             }
         }
     }
 
     #[inline(always)]
-    pub(crate) fn step(&mut self, local: &Local<D>, u: [f64; D], free: [bool; D], size: [f64; D]) -> Option<[f64; D]> {
+    pub(crate) fn step(&mut self, local: &Local<D>, free: [bool; D], size: [f64; D]) -> Option<[f64; D]> {
         match self {
             Self::Newton { damping } => solve_positive(&local.hessian, &local.metric, *damping, &local.gradient, free)
                 .or_else(|| solve_positive(&local.metric, &local.metric, *damping, &local.gradient, free)),
@@ -81,16 +105,16 @@ impl<const D: usize> DescentState<D> {
                 let (slope, bend) = quadratic(&g, &local.metric);
                 (bend > 0.0).then(|| g.map(|x| -x * *length * slope / bend))
             }
-            Self::QuasiNewton { inverse, before, length, .. } => {
+            Self::QuasiNewton { inverse, moved, before, length, .. } => {
                 match before {
-                    Some((old_u, old_gradient)) => update_inverse(
+                    Some(old_gradient) => update_inverse(
                         inverse,
-                        std::array::from_fn(|d| u[d] - old_u[d]),
+                        std::mem::replace(moved, [0.0; D]),
                         std::array::from_fn(|d| local.gradient[d] - old_gradient[d]),
                     ),
                     None => (0..D).for_each(|d| inverse[d][d] = size[d] * size[d] / trace(&local.metric, size)),
                 }
-                *before = Some((u, local.gradient));
+                *before = Some(local.gradient);
                 let product = |a: usize| (0..D).map(|b| inverse[a][b] * local.gradient[b]).sum::<f64>();
                 let step = std::array::from_fn(|a| if free[a] { -product(a) * *length } else { 0.0 });
                 let descends = (0..D).map(|d| step[d] * local.gradient[d]).sum::<f64>() < 0.0;
@@ -99,11 +123,13 @@ impl<const D: usize> DescentState<D> {
         }
     }
 
+    /// Takes note of a step along a way that descended.
     #[inline(always)]
-    pub(crate) fn accepted(&mut self) {
+    pub(crate) fn accepted(&mut self, way: [f64; D]) {
         match self {
             Self::Newton { damping } => *damping /= DAMPING_FACTOR,
-            Self::Gradient { length, .. } | Self::QuasiNewton { length, .. } => *length = 1.0,
+            Self::Gradient { length, .. } => *length = 1.0,
+            Self::QuasiNewton { length, moved, .. } => (*length, *moved) = (1.0, way),
         }
     }
 

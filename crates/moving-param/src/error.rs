@@ -9,6 +9,9 @@ pub enum Error {
     /// Error of the least-squares problem, for instance a parameter outside the domain.
     #[error(transparent)]
     Fit(#[from] fit_ls::Error),
+    /// Error of the quasi-interpolation.
+    #[error(transparent)]
+    Quasi(#[from] fit_qi::Error),
     /// Error of the spline space.
     #[error(transparent)]
     Space(#[from] thb_core::Error),

@@ -8,8 +8,10 @@ use crate::Error;
 #[derive(Clone, Debug)]
 pub(crate) struct Triangles {
     corners: Vec<[u32; 3]>,
-    /// Orientation at the start, +1 or −1; degenerate triangles are not in the list.
+    /// Orientation at the start, +1 or −1; 0 for degenerate triangles, which are not looked at.
     sign: Vec<f64>,
+    /// Period of each parameter, infinite where it has none: a triangle may lie across the seam.
+    periods: [f64; 2],
 }
 
 /// A point's share of its move after so many halvings is none at all.
@@ -24,24 +26,36 @@ impl Triangles {
                 return Err(Error::Triangle { triangle, point: point as usize, points });
             }
         }
-        let signed = |c: &[u32; 3]| area(c, |i| parameters[i]);
-        let oriented: Vec<([u32; 3], f64)> =
-            corners.iter().map(|c| (*c, signed(c))).filter(|(_, a)| *a != 0.0 && a.is_finite()).collect();
-        Ok(Self {
-            corners: oriented.iter().map(|(c, _)| *c).collect(),
-            sign: oriented.iter().map(|(_, a)| a.signum()).collect(),
-        })
+        let mut triangles = Self { corners: corners.to_vec(), sign: Vec::new(), periods: [f64::INFINITY; 2] };
+        triangles.close([f64::INFINITY; 2], |i| parameters[i]);
+        Ok(triangles)
+    }
+
+    /// Sets the periods, and the orientations anew, given the parameters at the start.
+    pub(crate) fn close(&mut self, periods: [f64; 2], parameter: impl Fn(usize) -> [f64; 2]) {
+        self.periods = periods;
+        let sign = |area: f64| if area != 0.0 && area.is_finite() { area.signum() } else { 0.0 };
+        self.sign = self.corners.iter().map(|c| sign(self.area(c, &parameter))).collect();
     }
 
     /// Triangles whose orientation differs from the one at the start, given parameters by index.
     pub(crate) fn flipped(&self, parameter: impl Fn(usize) -> [f64; 2]) -> Vec<usize> {
-        let turned = |t: &usize| area(&self.corners[*t], &parameter) * self.sign[*t] <= 0.0;
+        let turned =
+            |t: &usize| self.sign[*t] != 0.0 && self.area(&self.corners[*t], &parameter) * self.sign[*t] <= 0.0;
         (0..self.corners.len()).filter(turned).collect()
+    }
+
+    /// Twice the signed area of a triangle.
+    fn area(&self, corners: &[u32; 3], parameter: impl Fn(usize) -> [f64; 2]) -> f64 {
+        let [a, b, c] = corners.map(|i| parameter(i as usize));
+        let way = |to: [f64; 2]| [0, 1].map(|d| nearest_image(to[d] - a[d], self.periods[d]));
+        let (b, c) = (way(b), way(c));
+        b[0] * c[1] - b[1] * c[0]
     }
 
     /// Halves the moves of the corners of flipped triangles until no further triangle flips; what is flipped before stays.
     /// Parameters are those of the sorted points, `moved` the ones they should get. Returns for each point whether its
-    /// move was shortened.
+    /// move was shortened; what was may then lie a period away.
     pub(crate) fn hold<const D: usize>(&self, points: &SortedPoints<D>, moved: &mut [[f64; D]]) -> Vec<bool> {
         let mut at_of = vec![0; points.len()];
         points.order().iter().enumerate().for_each(|(at, &index)| at_of[index as usize] = at);
@@ -64,7 +78,8 @@ impl Triangles {
                     changed = true;
                     let share = if halvings[at] == MAX_HALVINGS { 0.0 } else { 0.5_f64.powi(i32::from(halvings[at])) };
                     let from = points.parameter(at);
-                    moved[at] = std::array::from_fn(|d| from[d] + share * (target[at][d] - from[d]));
+                    let way = |d: usize| nearest_image(target[at][d] - from[d], self.periods[usize::from(d > 0)]);
+                    moved[at] = std::array::from_fn(|d| from[d] + share * way(d));
                 }
             }
             if !changed {
@@ -74,8 +89,7 @@ impl Triangles {
     }
 }
 
-/// Twice the signed area of a triangle.
-fn area(corners: &[u32; 3], parameter: impl Fn(usize) -> [f64; 2]) -> f64 {
-    let [a, b, c] = corners.map(|i| parameter(i as usize));
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+/// A difference of parameters, less whole periods.
+fn nearest_image(way: f64, period: f64) -> f64 {
+    if period.is_finite() { way - period * (way / period).round() } else { way }
 }

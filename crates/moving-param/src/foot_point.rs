@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use thb_core::{BezierMap, CellSpace, ClosestPoints, HierarchicalSpace, SplineMap};
 
 use crate::Error;
+use crate::anchor::Anchor;
 use crate::constraint::Constraints;
 use crate::descent::{Descent, DescentState, Local};
 use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
@@ -97,22 +98,24 @@ pub fn foot_points<const D: usize>(
     constraints: &Constraints<D>,
     options: &FootPointOptions,
 ) -> Result<FootPoints<D>, Error> {
-    foot_points_from(map, points, None, constraints, options)
+    foot_points_from(map, points, None, None, constraints, options)
 }
 
 /// Parameters to start from instead of the present ones, with their cells; in the order of the points.
 pub(crate) type Starts<'a, const D: usize> = (&'a [[f64; D]], &'a [u32]);
 
-/// As [`foot_points`]. What moved is counted from the present parameters, wherever the search starts.
+/// As [`foot_points`], of points that may hang on springs. What moved is counted from the present parameters, wherever the
+/// search starts; distances are without the springs.
 pub(crate) fn foot_points_from<const D: usize>(
     map: &SplineMap<D>,
     points: &SortedPoints<D>,
     starts: Option<Starts<'_, D>>,
+    anchor: Option<&Anchor<D>>,
     constraints: &Constraints<D>,
     options: &FootPointOptions,
 ) -> Result<FootPoints<D>, Error> {
     check(map, points)?;
-    let search = Search::new(map, options)?;
+    let search = Search { anchor, ..Search::new(map, options)? };
     let chunks: Vec<Vec<Found<D>>> = (0..points.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
@@ -130,7 +133,7 @@ pub(crate) fn foot_points_from<const D: usize>(
     let (mut steps, mut moved) = (0, 0);
     for found in chunks.into_iter().flatten() {
         let before = points.parameter(result.parameters.len());
-        let length = (0..D).map(|d| (found.u[d] - before[d]).powi(2)).sum::<f64>().sqrt();
+        let length = map.space().way(before, found.u).iter().map(|w| w.powi(2)).sum::<f64>().sqrt();
         let report = &mut result.report;
         steps += found.steps;
         moved += usize::from(length > 0.0);
@@ -164,7 +167,7 @@ pub(crate) fn seek_anew<const D: usize>(
         let cell = offsets.partition_point(|&o| o <= at) - 1;
         let mut patch = Patch::new(search.map, cell);
         let free = constraints.free(points.order()[at] as usize);
-        let found = search.find(&mut patch, &point(points, at), cell, points.parameter(at), free);
+        let found = search.find(&mut patch, &Target::new(points, at), cell, points.parameter(at), free);
         (found.u, found.cell as u32)
     };
     Ok(positions.par_iter().map(of).collect())
@@ -198,7 +201,7 @@ impl<const D: usize> WithSimd for Chunk<'_, D> {
                 Some((parameters, cells)) => (cells[at] as usize, parameters[at]),
                 None => (cell, points.parameter(at)),
             };
-            found.push(search.find(&mut patch, &point(points, at), cell, u, free));
+            found.push(search.find(&mut patch, &Target::new(points, at), cell, u, free));
         }
         found
     }
@@ -227,6 +230,18 @@ pub(crate) fn point<const D: usize>(points: &SortedPoints<D>, at: usize) -> Vect
     target
 }
 
+/// A point whose foot point is sought.
+struct Target {
+    point: Vector,
+    index: usize,
+}
+
+impl Target {
+    fn new<const D: usize>(points: &SortedPoints<D>, at: usize) -> Self {
+        Self { point: point(points, at), index: points.order()[at] as usize }
+    }
+}
+
 /// A parameter reached by the search.
 #[derive(Clone, Copy, Debug)]
 struct Found<const D: usize> {
@@ -241,9 +256,11 @@ struct Search<'a, const D: usize> {
     space: &'a HierarchicalSpace<D>,
     map: &'a BezierMap<D>,
     domain: ([f64; D], [f64; D]),
+    periodic: [bool; D],
     options: FootPointOptions,
     samples: Option<Samples<D>>,
     global: Option<ClosestPoints<D>>,
+    anchor: Option<&'a Anchor<D>>,
 }
 
 impl<'a, const D: usize> Search<'a, D> {
@@ -253,12 +270,22 @@ impl<'a, const D: usize> Search<'a, D> {
             Start::Present | Start::Global => None,
         };
         let global = (options.start == Start::Global).then(|| ClosestPoints::new(map.bezier().clone())).transpose()?;
-        let domain = map.space().domain();
-        Ok(Self { space: map.space(), map: map.bezier(), domain, options: *options, samples, global })
+        let (domain, periodic) = (map.space().domain(), map.space().periodic());
+        Ok(Self {
+            space: map.space(),
+            map: map.bezier(),
+            domain,
+            periodic,
+            options: *options,
+            samples,
+            global,
+            anchor: None,
+        })
     }
 
     #[inline(always)]
-    fn find(&self, patch: &mut Patch<D>, point: &Vector, cell: usize, u: [f64; D], free: [bool; D]) -> Found<D> {
+    fn find(&self, patch: &mut Patch<D>, target: &Target, cell: usize, u: [f64; D], free: [bool; D]) -> Found<D> {
+        let point = &target.point;
         let unconstrained = free.iter().all(|f| *f);
         let mut best = match self.options.start {
             Start::Sampled(_) if unconstrained => {
@@ -266,17 +293,17 @@ impl<'a, const D: usize> Search<'a, D> {
                 let residual = difference(&patch.jet(u).value, point);
                 Found { u, cell, squared: dot(&residual, &residual), steps: 0 }
             }
-            _ => self.descend(patch, point, cell, u, free),
+            _ => self.descend(patch, target, cell, u, free),
         };
         if let Some(samples) = self.samples.as_ref().filter(|_| unconstrained) {
             let (cell, u) = samples.nearest(point);
-            best = nearer(best, self.descend(patch, point, cell, u, free));
+            best = nearer(best, self.descend(patch, target, cell, u, free));
         }
         if let (Some(samples), false) = (&self.samples, unconstrained)
             && free.iter().filter(|f| **f).count() == 1
         {
             let (cell, u) = self.nearest_along(patch, point, u, free, samples.per_line);
-            best = nearer(best, self.descend(patch, point, cell, u, free));
+            best = nearer(best, self.descend(patch, target, cell, u, free));
         }
         if let Some(global) = self.global.as_ref().filter(|_| unconstrained) {
             let found = global.closest_from(&point[..self.map.dim()], best.cell, best.u);
@@ -321,37 +348,42 @@ impl<'a, const D: usize> Search<'a, D> {
     }
 
     #[inline(always)]
-    fn descend(&self, patch: &mut Patch<D>, point: &Vector, cell: usize, start: [f64; D], free: [bool; D]) -> Found<D> {
+    fn descend(
+        &self,
+        patch: &mut Patch<D>,
+        target: &Target,
+        cell: usize,
+        start: [f64; D],
+        free: [bool; D],
+    ) -> Found<D> {
         self.enter(patch, cell);
         let mut u = start;
-        let mut local = Local::new(&patch.jet(u), point);
+        let mut local = self.local(patch, target, u);
         let mut state = DescentState::new(self.options.descent);
         let mut steps = 0;
         let (lower, upper) = self.domain;
         while steps < self.options.max_steps {
             let size = patch.size();
-            let free = std::array::from_fn(|d| {
-                free[d]
-                    && !(u[d] <= lower[d] && local.gradient[d] >= 0.0 || u[d] >= upper[d] && local.gradient[d] <= 0.0)
-            });
-            let Some(step) = state.step(&local, u, free, size) else { break };
+            let outward =
+                |d: usize| u[d] <= lower[d] && local.gradient[d] >= 0.0 || u[d] >= upper[d] && local.gradient[d] <= 0.0;
+            let free = std::array::from_fn(|d| free[d] && (self.periodic[d] || !outward(d)));
+            let Some(step) = state.step(&local, free, size) else { break };
             let relative = |v: &[f64; D]| (0..D).map(|d| (v[d] / size[d]).abs()).fold(0.0, f64::max);
             let shrink = (REACH / relative(&step)).min(1.0);
-            let candidate: [f64; D] =
-                std::array::from_fn(
-                    |d| if free[d] { (u[d] + shrink * step[d]).clamp(lower[d], upper[d]) } else { u[d] },
-                );
-            let moved = relative(&std::array::from_fn(|d| candidate[d] - u[d]));
+            let stepped = std::array::from_fn(|d| if free[d] { u[d] + shrink * step[d] } else { u[d] });
+            let candidate = self.space.to_domain(stepped);
+            let way = self.space.way(u, candidate);
+            let moved = relative(&way);
             if moved <= NO_STEP || moved.is_nan() {
                 break;
             }
             steps += 1;
             let home = patch.cell();
             self.enter(patch, self.cell_of(patch, candidate));
-            let next = Local::new(&patch.jet(candidate), point);
+            let next = self.local(patch, target, candidate);
             if next.squared < local.squared {
                 (u, local) = (candidate, next);
-                state.accepted();
+                state.accepted(way);
                 if moved < LAST_STEP {
                     break;
                 }
@@ -364,7 +396,20 @@ impl<'a, const D: usize> Search<'a, D> {
         }
         // On the edge between two cells the point belongs to the upper one.
         let cell = if patch.owns(u) { patch.cell() } else { self.space.locate_cell(u).unwrap_or(patch.cell()) };
-        Found { u, cell, squared: local.squared, steps }
+        let spring = self.anchor.map_or(0.0, |anchor| anchor.squared(target.index, u));
+        Found { u, cell, squared: (local.squared - spring).max(0.0), steps }
+    }
+
+    /// The squared distance and the spring's energy at a parameter of the patch.
+    #[inline(always)]
+    fn local(&self, patch: &Patch<D>, target: &Target, u: [f64; D]) -> Local<D> {
+        let local = Local::new(&patch.jet(u), &target.point);
+        match self.anchor {
+            None => local,
+            Some(anchor) => {
+                local.anchored(anchor.squared(target.index, u), anchor.pull(target.index, u), anchor.stiffness())
+            }
+        }
     }
 }
 
@@ -388,7 +433,7 @@ pub fn project<const D: usize>(
 ) -> Result<(Array2<f64>, Vec<f64>, FootPointReport), Error> {
     let mut sorted = SortedPoints::new(parameters, points, None)?;
     sorted.sort_refined(map.space(), None)?;
-    let constraints = Constraints::new(parameters, map.space().domain(), boundary);
+    let constraints = Constraints::new(parameters, map.space().domain(), boundary).released(map.space().periodic());
     let found = foot_points(map, &sorted, &constraints, options)?;
     let mut result = Array2::zeros(parameters.raw_dim());
     let mut distances = vec![0.0; sorted.len()];

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use thb_core::{BezierMap, SplineMap};
 
 use crate::Error;
+use crate::anchor::Anchor;
 use crate::constraint::Constraints;
 use crate::descent::solve_positive;
 use crate::foot_point::{check, point};
@@ -18,6 +19,9 @@ use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
 pub(crate) struct Frame<const D: usize> {
     pub(crate) residual: Vector,
     pub(crate) tangents: [Vector; D],
+    /// Stiffness and force of the parameter's spring; zero without an anchor.
+    pub(crate) stiffness: [f64; D],
+    pub(crate) pull: [f64; D],
 }
 
 /// Points of one parallel task.
@@ -60,7 +64,8 @@ impl<const D: usize> WithSimd for Chunk<'_, D> {
                 patch.load(map, cell);
             }
             let jet = patch.first_jet(points.parameter(at));
-            frames.push(Frame { residual: difference(&jet.value, &point(points, at)), tangents: jet.first });
+            let residual = difference(&jet.value, &point(points, at));
+            frames.push(Frame { residual, tangents: jet.first, stiffness: [0.0; D], pull: [0.0; D] });
         }
         frames
     }
@@ -72,18 +77,31 @@ impl<const D: usize> Frame<D> {
         std::array::from_fn(|a| std::array::from_fn(|b| dot(&self.tangents[a], &self.tangents[b])))
     }
 
-    /// The move of the parameter that minimizes `½|residual + T δu|² + ½ μ δuᵀ diag(TᵀT) δu` in the free directions.
-    /// Zero where the tangents are degenerate.
-    pub(crate) fn parameter_step(&self, residual: &Vector, damping: f64, free: [bool; D]) -> [f64; D] {
-        let metric = self.metric();
-        let gradient = std::array::from_fn(|a| dot(&self.tangents[a], residual));
-        solve_positive(&metric, &metric, damping.max(LEAST_DAMPING), &gradient, free).unwrap_or([0.0; D])
+    /// Hangs the parameter of a point on a spring.
+    pub(crate) fn anchored(mut self, anchor: &Anchor<D>, index: usize, u: [f64; D]) -> Self {
+        (self.stiffness, self.pull) = (anchor.stiffness(), anchor.pull(index, u));
+        self
     }
 
-    /// `W v` for `W = I − T (TᵀT + μ diag(TᵀT))⁻¹ Tᵀ`: what is left of a vector when the parameter has moved. `μ = 0`
-    /// leaves the part normal to the map, large `μ` the vector itself.
-    fn reduced(&self, v: &Vector, damping: f64, free: [bool; D]) -> Vector {
-        let step = self.parameter_step(v, damping, free);
+    /// The move of the parameter that minimizes `½|residual + T δu|² + ½ μ δuᵀ diag(TᵀT) δu` and the energy of the spring
+    /// in the free directions. Zero where the tangents are degenerate.
+    pub(crate) fn parameter_step(&self, residual: &Vector, damping: f64, free: [bool; D]) -> [f64; D] {
+        self.step_against(residual, &self.pull, damping, free)
+    }
+
+    fn step_against(&self, residual: &Vector, pull: &[f64; D], damping: f64, free: [bool; D]) -> [f64; D] {
+        let metric = self.metric();
+        let mut matrix = metric;
+        (0..D).for_each(|a| matrix[a][a] += self.stiffness[a]);
+        let gradient = std::array::from_fn(|a| dot(&self.tangents[a], residual) + pull[a]);
+        solve_positive(&matrix, &metric, damping.max(LEAST_DAMPING), &gradient, free).unwrap_or([0.0; D])
+    }
+
+    /// `W v + w` for `W = I − T (TᵀT + μ diag(TᵀT) + K)⁻¹ Tᵀ`, where `w` is the move that the force of the spring makes:
+    /// what is left of a vector when the parameter has moved. `μ = 0` leaves the part normal to the map, large `μ` the
+    /// vector itself.
+    fn reduced(&self, v: &Vector, pull: &[f64; D], damping: f64, free: [bool; D]) -> Vector {
+        let step = self.step_against(v, pull, damping, free);
         let mut rest = *v;
         for a in 0..D {
             (0..4).for_each(|k| rest[k] += step[a] * self.tangents[a][k]);
@@ -127,11 +145,11 @@ pub(crate) fn columns<const D: usize>(
             let Share { point, damping, weight } = share(at);
             let free = constraints.free(points.order()[at] as usize);
             let frame = &frames[at];
-            let blend = |v: &Vector| -> Vector {
+            let blend = |v: &Vector, pull: &[f64; D]| -> Vector {
                 if point == 1.0 {
                     return v.map(|x| weight * x);
                 }
-                let reduced = frame.reduced(v, damping, free);
+                let reduced = frame.reduced(v, pull, damping, free);
                 std::array::from_fn(|k| weight * (point * v[k] + (1.0 - point) * reduced[k]))
             };
             let mut entries = [0.0; 6];
@@ -139,13 +157,13 @@ pub(crate) fn columns<const D: usize>(
             for a in 0..n {
                 let mut unit = [0.0; 4];
                 unit[a] = 1.0;
-                let column = blend(&unit);
+                let column = blend(&unit, &[0.0; D]);
                 for b in a..n {
                     entries[next] = column[b];
                     next += 1;
                 }
             }
-            (entries, blend(&frame.residual))
+            (entries, blend(&frame.residual, &frame.pull))
         })
         .collect();
     debug_assert!(n <= MAX_DIM);

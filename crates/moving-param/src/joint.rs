@@ -7,6 +7,7 @@
 
 use thb_core::{CellSpace, SplineMap};
 
+use crate::anchor::Anchor;
 use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from, seek_anew};
 use crate::frame::{Frame, Share, columns, frames};
 use crate::moving::{Moves, MovingFit, count};
@@ -55,6 +56,11 @@ impl<const D: usize> MovingFit<D> {
         let mut system = self.take_system(&space)?;
         // Weights by index: sorted positions change with the parameters.
         let mut weights = self.weights.clone().unwrap_or_else(|| vec![1.0; self.fit.points().len()]);
+        if self.anchor.is_none() && options.stiffness > 0.0 {
+            let start = self.start.outer_iter().map(|row| std::array::from_fn(|d| row[d])).collect();
+            let frames = frames(&map, self.fit.points())?;
+            self.anchor = Some(Anchor::new(space.clone(), &frames, start, options.stiffness));
+        }
         let mut damping = FIRST_DAMPING;
         let mut map = self.descend(map, &mut system, &weights, &mut damping, options.max_steps, options, moves)?;
         for _ in 0..options.emphasis {
@@ -119,14 +125,21 @@ impl<const D: usize> MovingFit<D> {
         let mut slow = 0;
         'steps: for _ in 0..max_steps {
             let points = self.fit.points();
-            let frames = frames(&map, points)?;
+            let mut frames = frames(&map, points)?;
+            if let Some(anchor) = &self.anchor {
+                for (at, (frame, &index)) in frames.iter_mut().zip(points.order()).enumerate() {
+                    *frame = frame.anchored(anchor, index as usize, points.parameter(at));
+                }
+            }
+            let present: Vec<[f64; D]> = (0..points.len()).map(|at| points.parameter(at)).collect();
             let distances: Vec<f64> = frames.iter().map(|f| dot(&f.residual, &f.residual).sqrt()).collect();
             if distances.iter().all(|d| *d <= self.options.tolerance) {
                 break;
             }
             let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
             let coefficients = map.coefficients().to_owned();
-            let objective = squares(&distances, &weights) + system.energy_part(&coefficients);
+            let objective =
+                squares(&distances, &weights) + self.springs(&present, &weights) + system.energy_part(&coefficients);
             let lowered = loop {
                 let share = |at: usize| Share { point: 0.0, damping: *damping, weight: weights[at] };
                 let columns = columns(self.fit.points(), &frames, &constraints, share);
@@ -134,8 +147,9 @@ impl<const D: usize> MovingFit<D> {
                 if let Some(step) = step {
                     let trial = stepped(&space, &coefficients, &step)?;
                     let found = self.follow(&trial, &frames, *damping, options.polish, moves)?;
-                    let new =
-                        squares(&found.distances, &weights) + system.energy_part(&trial.coefficients().to_owned());
+                    let new = squares(&found.distances, &weights)
+                        + self.springs(&found.parameters, &weights)
+                        + system.energy_part(&trial.coefficients().to_owned());
                     if new < objective {
                         count(moves, &found.report);
                         self.fit.relocate(&found.parameters, &found.cells)?;
@@ -159,6 +173,14 @@ impl<const D: usize> MovingFit<D> {
         Ok(map)
     }
 
+    /// Half the weighted energy of the springs, parameters and weights in the order of the sorted points.
+    fn springs(&self, parameters: &[[f64; D]], weights: &[f64]) -> f64 {
+        let Some(anchor) = &self.anchor else { return 0.0 };
+        let order = self.fit.points().order();
+        let energy = |at: usize| weights[at] * anchor.squared(order[at] as usize, parameters[at]);
+        0.5 * (0..order.len()).map(energy).sum::<f64>()
+    }
+
     /// The parameters that belong to a step of the coefficients: eliminated ones, then a few steps towards the foot point.
     fn follow(
         &self,
@@ -171,7 +193,6 @@ impl<const D: usize> MovingFit<D> {
         let points = self.fit.points();
         let constraints = self.constraints();
         let space = trial.space();
-        let (lower, upper) = space.domain();
         let stepped = frames(trial, points)?;
         let mut parameters = Vec::with_capacity(points.len());
         let mut cells = Vec::with_capacity(points.len());
@@ -183,7 +204,7 @@ impl<const D: usize> MovingFit<D> {
                 let step = before[at].parameter_step(&stepped[at].residual, damping, free);
                 let from = points.parameter(at);
                 let longest = (0..D).map(|d| (step[d] / size[d]).abs()).fold(1.0, f64::max);
-                let u: [f64; D] = std::array::from_fn(|d| (from[d] + step[d] / longest).clamp(lower[d], upper[d]));
+                let u = space.to_domain(std::array::from_fn(|d| from[d] + step[d] / longest));
                 parameters.push(u);
                 cells.push(space.locate_cell(u)? as u32);
             }
@@ -191,11 +212,12 @@ impl<const D: usize> MovingFit<D> {
         self.hold(trial, &mut parameters, &mut cells, moves)?;
         let options = FootPointOptions { start: Start::Present, max_steps: polish, ..self.options.foot_points };
         let starts = (&parameters[..], &cells[..]);
-        let mut found = foot_points_from(trial, points, Some(starts), &constraints, &options)?;
+        let mut found = foot_points_from(trial, points, Some(starts), self.anchor.as_ref(), &constraints, &options)?;
         if polish > 0 && self.hold(trial, &mut found.parameters, &mut found.cells, moves)? {
             let still = FootPointOptions { max_steps: 0, ..options };
             let starts = (&found.parameters[..], &found.cells[..]);
-            found.distances = foot_points_from(trial, points, Some(starts), &constraints, &still)?.distances;
+            found.distances =
+                foot_points_from(trial, points, Some(starts), self.anchor.as_ref(), &constraints, &still)?.distances;
         }
         Ok(found)
     }

@@ -128,16 +128,16 @@ impl<'a, const D: usize> Problem<'a, D> {
         unknowns
     }
 
-    /// Coefficients and parameters; those outside the domain are projected to it.
+    /// Coefficients and parameters; those outside the domain are projected to it, or wrapped in periodic directions.
     pub(crate) fn unpack(&self, unknowns: &[f64]) -> (Array2<f64>, Vec<[f64; D]>) {
         let n = self.coefficient_scale.len();
         let coefficients =
             Array2::from_shape_fn((n, self.dim), |(j, k)| unknowns[j * self.dim + k] * self.coefficient_scale[j]);
         let mut parameters: Vec<[f64; D]> = (0..self.points.len()).map(|at| self.points.parameter(at)).collect();
-        let (lower, upper) = self.space.domain();
         for (&x, &(at, d, scale)) in unknowns[n * self.dim..].iter().zip(&self.free) {
-            parameters[at as usize][d as usize] = (x * scale).clamp(lower[d as usize], upper[d as usize]);
+            parameters[at as usize][d as usize] = x * scale;
         }
+        parameters.iter_mut().for_each(|u| *u = self.space.to_domain(*u));
         (coefficients, parameters)
     }
 
@@ -187,12 +187,12 @@ impl<'a, const D: usize> Problem<'a, D> {
             }
         }
         let mut scaled: Vec<f64> = gradient.indexed_iter().map(|((j, _), g)| g * self.coefficient_scale[j]).collect();
-        let (lower, upper) = self.space.domain();
+        let ((lower, upper), periodic) = (self.space.domain(), self.space.periodic());
         let first = scaled.len();
         for (&(at, d, scale), &x) in self.free.iter().zip(&unknowns[first..]) {
             let (d, u) = (d as usize, x * scale);
             // The projection is constant outside the domain.
-            let inside = u >= lower[d] && u <= upper[d];
+            let inside = periodic[d] || u >= lower[d] && u <= upper[d];
             scaled.push(if inside { parameter_gradient[at as usize][d] * scale } else { 0.0 });
         }
         Ok((0.5 * squares + 0.5 * self.lambda * energy, scaled))

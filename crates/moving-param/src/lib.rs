@@ -14,6 +14,8 @@
 //! - [`Method::Alternating`] with [`Distance::Point`] (A-PDM): the fastest, for millions of points, or where the parameters
 //!   should stay near those given. It converges linearly; [`Distance::Hybrid`] (A-HDM) is faster per correction but couples
 //!   the coordinates, and so costs as much as a step of the joint method, without its control of the step.
+//! - [`MovingQuasi`] (A-QI): quasi-interpolation instead of least squares, for points that are uneven or have voids, and
+//!   where no global system should be solved.
 //! - [`Method::JointLbfgs`] (J-PDM): no linear systems and little memory, but hundreds of iterations.
 //!
 //! The guard ([`Options::guard`]) undoes corrections wherever fixed parameters would meet the tolerance at more points. The
@@ -46,6 +48,7 @@
 //! ```
 
 mod alternating;
+mod anchor;
 mod constraint;
 mod descent;
 mod error;
@@ -57,6 +60,7 @@ mod lbfgs;
 mod moving;
 mod options;
 mod patch;
+mod quasi;
 mod samples;
 mod system;
 
@@ -66,3 +70,4 @@ pub use error::Error;
 pub use foot_point::{FootPointOptions, FootPointReport, FootPoints, Start, foot_points, project};
 pub use moving::{Moves, MovingFit};
 pub use options::{Blend, Distance, JointOptions, Method, Options, Schedule};
+pub use quasi::{MovingQuasi, QuasiOptions};

@@ -6,8 +6,9 @@ use std::time::Instant;
 use adaptive::{Estimate, Solution, Solve};
 use fit_ls::{LeastSquares, SortedPoints};
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{HierarchicalSpace, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
+use crate::anchor::Anchor;
 use crate::constraint::Constraints;
 use crate::fold::Triangles;
 use crate::foot_point::{FootPoints, foot_points};
@@ -49,10 +50,11 @@ pub struct MovingFit<const D: usize> {
     pub(crate) options: Options,
     pub(crate) constraints: Option<Constraints<D>>,
     triangles: Option<Triangles>,
+    pub(crate) anchor: Option<Anchor<D>>,
     pub(crate) system: Option<(Arc<HierarchicalSpace<D>>, StepSystem)>,
     /// Weights of the caller, in the order of the points.
     pub(crate) weights: Option<Vec<f64>>,
-    start: Array2<f64>,
+    pub(crate) start: Array2<f64>,
     reports: Vec<Moves>,
 }
 
@@ -78,6 +80,7 @@ impl<const D: usize> MovingFit<D> {
             options,
             constraints: None,
             triangles: None,
+            anchor: None,
             system: None,
             weights: weights.map(|w| w.to_vec()),
             start: parameters.to_owned(),
@@ -112,8 +115,13 @@ impl<const D: usize> MovingFit<D> {
 
     fn fit_in(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<Solution<D>, Error> {
         if self.constraints.is_none() {
-            let domain = thb_core::CellSpace::domain(space.as_ref());
-            self.constraints = Some(Constraints::new(self.start.view(), domain, self.options.boundary));
+            let (domain, periodic) = (space.domain(), space.periodic());
+            let constraints = Constraints::new(self.start.view(), domain, self.options.boundary);
+            self.constraints = Some(constraints.released(periodic));
+            if let Some(triangles) = &mut self.triangles {
+                let period = |d: usize| if periodic[d] { domain.1[d] - domain.0[d] } else { f64::INFINITY };
+                triangles.close([period(0), period(D - 1)], |i| [self.start[[i, 0]], self.start[[i, D - 1]]]);
+            }
         }
         Ok(Solve::solve(&mut self.fit, space, None)?)
     }
@@ -156,7 +164,8 @@ impl<const D: usize> MovingFit<D> {
         let Some(triangles) = &self.triangles else { return Ok(false) };
         let shortened = triangles.hold(self.fit.points(), parameters);
         for at in (0..shortened.len()).filter(|&at| shortened[at]) {
-            cells[at] = thb_core::CellSpace::locate_cell(map.space().as_ref(), parameters[at])? as u32;
+            parameters[at] = map.space().to_domain(parameters[at]);
+            cells[at] = map.space().locate_cell(parameters[at])? as u32;
             moves.held += 1;
         }
         Ok(shortened.contains(&true))
@@ -168,7 +177,7 @@ impl<const D: usize> MovingFit<D> {
         let moved: Vec<[f64; D]> =
             order.iter().map(|&index| std::array::from_fn(|d| parameters[[index as usize, d]])).collect();
         let cells: Result<Vec<u32>, thb_core::Error> =
-            moved.iter().map(|&u| thb_core::CellSpace::locate_cell(space, u).map(|cell| cell as u32)).collect();
+            moved.iter().map(|&u| space.locate_cell(u).map(|cell| cell as u32)).collect();
         self.fit.relocate(&moved, &cells?)?;
         Ok(())
     }
@@ -285,10 +294,9 @@ impl<const D: usize> Solve<D> for MovingFit<D> {
             moves.outside[1] = after.outside;
         }
         let moved = self.parameters();
-        let lengths = entry
-            .outer_iter()
-            .zip(moved.outer_iter())
-            .map(|(a, b)| a.iter().zip(&b).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt());
+        let parameter = |of: &Array2<f64>, i: usize| std::array::from_fn(|d| of[[i, d]]);
+        let lengths = (0..entry.nrows())
+            .map(|i| space.way(parameter(&moved, i), parameter(&entry, i)).iter().map(|w| w * w).sum::<f64>().sqrt());
         for length in lengths {
             moves.mean_move += length / entry.nrows() as f64;
             moves.max_move = moves.max_move.max(length);

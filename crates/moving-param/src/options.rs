@@ -86,11 +86,14 @@ pub struct JointOptions {
     /// Rounds in which the few points that are still outside the tolerance get more weight, so that cells need not be
     /// refined for them.
     pub emphasis: usize,
+    /// Stiffness of springs that hold the parameters where they started: a move by some length along the surface costs as
+    /// much as a distance of that length times its root. 0 for none.
+    pub stiffness: f64,
 }
 
 impl Default for JointOptions {
     fn default() -> Self {
-        Self { max_steps: 10, decrease: 3e-2, polish: 2, emphasis: 2 }
+        Self { max_steps: 10, decrease: 3e-2, polish: 2, emphasis: 2, stiffness: 0.0 }
     }
 }
 
@@ -160,7 +163,8 @@ impl Options {
             }
             Method::Joint(joint) => {
                 normal()?;
-                number("decrease", joint.decrease, joint.decrease >= 0.0, "at least 0")
+                number("decrease", joint.decrease, joint.decrease >= 0.0, "at least 0")?;
+                number("stiffness", joint.stiffness, joint.stiffness >= 0.0, "at least 0")
             }
             Method::JointLbfgs(schedule) => {
                 let (gradient, _) = schedule.limits(1);

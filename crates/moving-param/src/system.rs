@@ -121,17 +121,18 @@ fn solve(
     }
 }
 
-/// Which functions do not vanish on the boundary of the domain.
+/// Which functions do not vanish on the boundary of the domain; a seam is none.
 pub(crate) fn boundary_functions<const D: usize>(space: &HierarchicalSpace<D>) -> Vec<bool> {
     let mut boundary = vec![false; space.n_functions()];
+    let periodic = space.periodic();
     for level in 0..space.n_levels() {
         let counts = space.function_counts(level);
         let first = space.first_of_level(level);
         for (k, &index) in space.active_functions(level).iter().enumerate() {
             let mut rest = index as usize;
-            for count in counts {
+            for (count, periodic) in counts.into_iter().zip(periodic) {
                 let i = rest % count;
-                boundary[first + k] |= i == 0 || i + 1 == count;
+                boundary[first + k] |= !periodic && (i == 0 || i + 1 == count);
                 rest /= count;
             }
         }

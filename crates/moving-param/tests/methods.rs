@@ -117,6 +117,26 @@ fn the_joint_method_recovers_perturbed_parameters_in_few_steps() {
 }
 
 #[test]
+fn springs_hold_parameters_where_they_started() {
+    let space = space::<2>(3);
+    let parameters = lattice::<2>(20);
+    let points = planted(&space, 3).eval_batch(parameters.view()).unwrap();
+    let start = perturbed(&parameters, 0.05);
+    let moved = |stiffness: f64| {
+        let method = Method::Joint(JointOptions { max_steps: 15, decrease: 0.0, stiffness, ..JointOptions::default() });
+        let (largest, method) = fitted(&space, &start, &points, options(method));
+        let moves = (&method.parameters() - &start).mapv(|x| x * x).sum().sqrt();
+        (moves, largest)
+    };
+    let [free, soft, stiff, rigid] = [0.0, 1e-2, 1.0, 1e8].map(moved);
+    assert!(free.0 > soft.0 && soft.0 > stiff.0 && stiff.0 > 100.0 * rigid.0, "{free:?} {soft:?} {stiff:?} {rigid:?}");
+    assert!(free.1 < soft.1 && soft.1 < stiff.1 && stiff.1 < rigid.1, "{free:?} {soft:?} {stiff:?} {rigid:?}");
+    let fixed = Method::Alternating { distance: Distance::Point, corrections: 0 };
+    let (unmoved, _) = fitted(&space, &start, &points, options(fixed));
+    assert!((rigid.1 / unmoved - 1.0).abs() < 1e-3, "{} instead of {unmoved}", rigid.1);
+}
+
+#[test]
 fn alternating_and_quasi_newton_methods_descend() {
     let space = space::<2>(2);
     let parameters = lattice::<2>(15);

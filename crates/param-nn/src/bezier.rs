@@ -156,7 +156,7 @@ impl BezierFit {
 
 /// Solves the normal equations, given as the upper triangle of the Gram matrix with three right-hand sides behind it,
 /// row-major, by Cholesky's method. Dependent columns get zero coefficients.
-fn solve_normal_equations(gram: &mut [f64], n: usize) -> Array2<f64> {
+pub(crate) fn solve_normal_equations(gram: &mut [f64], n: usize) -> Array2<f64> {
     let width = n + 3;
     let mut dependent = vec![false; n];
     for i in 0..n {

@@ -50,6 +50,29 @@ pub enum NnError {
         /// What is wrong.
         problem: &'static str,
     },
+    /// A sequence or grid that cannot be parameterized.
+    #[error("grid, direction {direction}, line {line}, point {place}: it {problem}")]
+    BadGrid {
+        /// Direction along which the line runs: 0 or 1.
+        direction: usize,
+        /// The line; 0 for a sequence.
+        line: usize,
+        /// The point on it.
+        place: usize,
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// A kind of points that no network was trained for.
+    #[error(
+        "there is no network for points of dimension {dimension} along {directions} direction(s); there are some for \
+         sequences in the plane and in space and for grids in space. Take chord-length parameters"
+    )]
+    NoNetwork {
+        /// Dimension of the points.
+        dimension: usize,
+        /// Directions of the grid.
+        directions: usize,
+    },
     /// More points than the network is run on at once.
     #[error("{given} points are more than {limit}; parameterize a subset and carry its map to the others")]
     TooManyPoints {

@@ -1,7 +1,9 @@
 //! Learned parameterization of point sequences, grids and scattered clouds.
 //!
+//! - Point sequences and grids: [`sequence_parameters`] and [`grid_parameters`], [`Parcnn`] for other weights,
+//!   [`GridTrainer`] for making them.
 //! - Scattered clouds with known boundary: [`Bidgcn`], and [`Trainer`] for its weights.
-//! - Synthetic clouds with known parameters: [`ScatteredSpec`].
+//! - Synthetic clouds with known parameters: [`ScatteredSpec`], [`GriddedSpec`].
 //! - Least squares with one Bézier patch, the yardstick of all networks: [`BezierFit`].
 //!
 //! This crate reads no file: weights go in and out as bytes.
@@ -11,6 +13,8 @@ mod bezier;
 mod bidgcn;
 mod error;
 mod graph;
+mod gridded;
+mod parcnn;
 mod real;
 mod synthetic;
 mod train;
@@ -18,8 +22,16 @@ mod train;
 pub use bezier::{BezierFit, LARGEST_DEGREE};
 pub use bidgcn::{Bidgcn, LARGEST_CLOUD, Variant};
 pub use error::NnError;
+pub use gridded::{GriddedCloud, GriddedSpec, Shape};
+pub use parcnn::{
+    Architecture, ComparisonNetwork, Form, LARGEST_GRID, Parcnn, SHIPPED_FORM, SplineSpace, grid_parameters,
+    sequence_parameters,
+};
 pub use synthetic::{ControlPoints, ScatteredCloud, ScatteredSpec, stream};
-pub use train::{Score, StepReport, TrainOptions, Trainer, Validation};
+pub use train::{
+    Comparison, GridScore, GridTrainOptions, GridTrainer, GridValidation, Recipe, Score, StepReport, TrainOptions,
+    Trainer, Validation,
+};
 
 // Named so that its feature `x86-v4` reaches the products of candle.
 use gemm as _;

@@ -48,6 +48,15 @@ pub enum Error {
         /// What could be done.
         hint: &'static str,
     },
+    /// A closed surface was asked for, but nothing tells how the points lie around it.
+    #[error(
+        "--closed {closed} needs a grid (columns i, j) or parameters u, v in the file, which the input does not have or \
+         --param does not use"
+    )]
+    NotClosed {
+        /// The directions asked for.
+        closed: String,
+    },
     /// Parameters of the file lie outside the unit square.
     #[error(
         "parameter {value} (direction {direction} of point {index}) lies outside [0, 1]; use --domain data to fit on the \

@@ -5,13 +5,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use adaptive::Stop;
-use fit_ls::{directed_hausdorff, map_to_points};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2};
 use point_cloud::BoundingBox;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
-use crate::fitting::{self, Fitted, Problem};
+use crate::fitting::{self, FAR, Fitted, Problem};
 use crate::parameter_options::Domain;
 use crate::parameters::{extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
@@ -19,10 +18,6 @@ use crate::{Error, Event, FitOptions, Watch};
 
 /// Samples per direction and cell for the distance from surface to points.
 pub(crate) const SAMPLES: usize = 4;
-
-/// Distance between surface and points, as a share of the diagonal, from which on the user is warned. Gaps between
-/// the points of a scan are smaller.
-const FAR: f64 = 0.07;
 
 /// A fitted surface with its report and its data.
 #[derive(Clone, Debug)]
@@ -97,10 +92,10 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         parameters: laid_out.parameters.view(),
         triangles: &laid_out.triangles,
         tolerance,
+        diagonal,
     };
-    let _ = watch(Event::Step("fitting"));
-    let Fitted { map, stop, failure, history: iterations, moves, parameters, errors, lambda } =
-        fitting::fit(&problem, space, options, watch)?;
+    let Fitted { method, map, stop, failure, history: iterations, moves, quasi, parameters, errors, lambda, dhd, hsd } =
+        fitting::fit(&problem, &space, options, watch)?;
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
     }
@@ -112,9 +107,6 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         ));
     }
 
-    let _ = watch(Event::Step("measuring the surface"));
-    let dhd = directed_hausdorff(&map, parameters.view(), points.view())?;
-    let hsd = dhd.max(map_to_points(&map, points.view(), SAMPLES)?);
     if hsd > FAR * diagonal {
         warnings.push(format!(
             "the surface leaves the points by up to {hsd:.4e}, {:.1} % of the diagonal: it spans a void or swings out \
@@ -139,6 +131,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         parameterization: laid_out.report,
         options: options.clone(),
         result: ResultReport {
+            method,
             dofs: last.dofs,
             levels: last.levels,
             cells: last.cells,
@@ -155,7 +148,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             reached: stop == Stop::ToleranceReached,
             sides: sides(&map)?,
         },
-        history: history(&iterations, &moves),
+        history: history(&iterations, &moves, &quasi),
         warnings,
     };
     let mut model = Model::surface(map, options.units);
@@ -166,8 +159,13 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
 
 fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[KnotVector; 2], Error> {
     let mut knots = Vec::with_capacity(2);
+    let closed = options.parameters.closed.directions();
     for d in 0..2 {
-        let uniform = KnotVector::uniform(options.degree.0[d], options.mesh.0[d])?;
+        let (degree, elements) = (options.degree.0[d], options.mesh.0[d]);
+        let uniform = match closed[d] {
+            true => KnotVector::uniform_periodic(degree, elements)?,
+            false => KnotVector::uniform(degree, elements)?,
+        };
         knots.push(match options.parameters.domain {
             Domain::Unit => uniform,
             Domain::Data => {

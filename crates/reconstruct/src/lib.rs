@@ -34,6 +34,7 @@ mod output;
 mod parameter_options;
 mod parameters;
 mod picture;
+mod quasi;
 mod report;
 mod watch;
 
@@ -46,12 +47,13 @@ pub use options::{
 };
 pub use output::{OutputPaths, write_outputs, write_parameters, write_report, write_text};
 pub use parameter_options::{
-    Clean, Crop, Domain, GivenCorners, ParameterChoice, ParameterOptions, RadiusChoice, Refine, SideRule,
+    Clean, Closed, Crop, Domain, GivenCorners, ParameterChoice, ParameterOptions, RadiusChoice, Refine, SideRule,
 };
 pub use parameters::{
     HoleReport, ParameterReport, Parameterized, Stretch, VoidReport, parameterize, parameterize_file,
 };
 pub use picture::draw_parameters;
+pub use quasi::{LocalRule, QuasiOptions, QuasiReport};
 pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, layout_report,
 };

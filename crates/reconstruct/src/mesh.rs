@@ -14,31 +14,33 @@ const QUADS: std::ops::RangeInclusive<usize> = 40..=320;
 /// Quads per element of level 0 and level, so that fine levels show.
 const QUADS_PER_CELL: usize = 2;
 
-/// Samples a surface on a regular grid of its domain. Returns the mesh and the parameters of its vertices, `(n, 2)`.
+/// Samples a surface on a regular grid of its domain. Returns the mesh and the parameters of its vertices, `(n, 2)`. In
+/// closed directions the last quads end at the first vertices: there is no gap at the seam.
 pub(crate) fn tessellate(map: &SplineMap<2>, reversed: bool) -> Result<(TriangleMesh, Array2<f64>), Error> {
     let space = map.space();
     let finest = space.n_levels() - 1;
     let quads = space.mesh().grid(finest).map(|cells| (QUADS_PER_CELL * cells).clamp(*QUADS.start(), *QUADS.end()));
     let (lower, upper) = space.domain();
-    let columns = quads[0] + 1;
+    let periodic = space.periodic();
+    let vertices: [usize; 2] = std::array::from_fn(|d| quads[d] + usize::from(!periodic[d]));
+    let columns = vertices[0];
     let at = |i: usize, d: usize| {
         if i == quads[d] { upper[d] } else { lower[d] + (upper[d] - lower[d]) * i as f64 / quads[d] as f64 }
     };
-    let parameters = Array2::from_shape_fn((columns * (quads[1] + 1), 2), |(k, d)| {
+    let parameters = Array2::from_shape_fn((columns * vertices[1], 2), |(k, d)| {
         at(if d == 0 { k % columns } else { k / columns }, d)
     });
-    let vertices = map.eval_batch(parameters.view())?;
+    let number = |i: usize, j: usize| ((j % vertices[1]) * columns + i % columns) as u32;
     let mut triangles = Vec::with_capacity(2 * quads[0] * quads[1]);
     for j in 0..quads[1] {
         for i in 0..quads[0] {
-            let a = (j * columns + i) as u32;
-            let (b, c, d) = (a + 1, a + columns as u32 + 1, a + columns as u32);
+            let (a, b, c, d) = (number(i, j), number(i + 1, j), number(i + 1, j + 1), number(i, j + 1));
             for [p, q, r] in [[a, b, c], [a, c, d]] {
                 triangles.push(if reversed { [p, r, q] } else { [p, q, r] });
             }
         }
     }
-    Ok((TriangleMesh { vertices, triangles }, parameters))
+    Ok((TriangleMesh { vertices: map.eval_batch(parameters.view())?, triangles }, parameters))
 }
 
 /// For each parameter, `(n, 2)`, the error of the fitted point whose parameters are nearest.

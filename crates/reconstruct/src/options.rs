@@ -9,7 +9,7 @@ use geom_io::LengthUnit;
 use serde::{Serialize, Serializer};
 use thb_core::{MAX_DEGREE, MAX_LEVELS, Quadrature};
 
-use crate::{Error, ParameterOptions};
+use crate::{Error, ParameterOptions, QuasiOptions};
 
 /// Options of [`crate::fit_scan`]. The defaults need no user.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -27,6 +27,9 @@ pub struct FitOptions {
     pub damping: f64,
     /// What happens to points on the boundary of the parameter domain while parameters move.
     pub boundary: BoundaryChoice,
+    /// Options of quasi-interpolation.
+    #[serde(flatten)]
+    pub quasi: QuasiOptions,
     /// Degree per direction.
     pub degree: Pair,
     /// Elements of level 0 per direction.
@@ -66,11 +69,12 @@ impl Default for FitOptions {
     fn default() -> Self {
         Self {
             parameters: ParameterOptions::default(),
-            method: Method::Ls,
+            method: Method::Auto,
             corrections: 3,
             blend: BlendChoice::Error,
             damping: 1e-3,
             boundary: BoundaryChoice::Kept,
+            quasi: QuasiOptions::default(),
             degree: Pair([3, 3]),
             mesh: Pair([4, 4]),
             lambda: LambdaChoice::Auto,
@@ -98,6 +102,7 @@ impl FitOptions {
     /// [`Error::OptionRange`].
     pub fn check(&self) -> Result<(), Error> {
         self.parameters.check()?;
+        self.quasi.check()?;
         let range = |option, given: String, allowed, ok: bool| {
             if ok { Ok(()) } else { Err(Error::OptionRange { option, given, allowed }) }
         };
@@ -184,15 +189,22 @@ pub(crate) use named;
 
 named!(
     /// The fitting method.
-    Method, "ls, a-pdm, a-tdm, a-hdm, j-pdm or joint",
+    Method, "auto, ls, qi, a-pdm, a-tdm, a-hdm, a-qi, j-pdm or joint",
+    /// Joint, and least squares with fixed parameters instead where the joint surface leaves the points or misses the
+    /// tolerance.
+    Auto = "auto",
     /// Penalized least squares with fixed parameters.
     Ls = "ls",
+    /// Quasi-interpolation by local least squares with fixed parameters (Imperatore 2024, §3.2).
+    Qi = "qi",
     /// Coefficients by point distance and foot points in turn (Imperatore 2024, §5.1.2).
     APdm = "a-pdm",
     /// Coefficients by tangent distance and foot points in turn.
     ATdm = "a-tdm",
     /// Coefficients by a blend of both distances and foot points in turn.
     AHdm = "a-hdm",
+    /// Quasi-interpolation and foot points in turn.
+    AQi = "a-qi",
     /// Coefficients and parameters together by L-BFGS (Imperatore 2024, §5.3).
     JPdm = "j-pdm",
     /// Coefficients and parameters together by Levenberg–Marquardt steps from which the parameters are eliminated.

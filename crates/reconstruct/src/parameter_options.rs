@@ -29,6 +29,8 @@ pub struct ParameterOptions {
     pub param: ParameterChoice,
     /// The parameter domain.
     pub domain: Domain,
+    /// The directions in which the surface closes on itself.
+    pub closed: Closed,
     /// The points that become the corners.
     pub corners: Option<GivenCorners>,
     /// A file that names the points of the outer boundary.
@@ -53,6 +55,7 @@ impl Default for ParameterOptions {
             mask: None,
             param: ParameterChoice::Auto,
             domain: Domain::Unit,
+            closed: Closed::None,
             corners: None,
             outline: None,
             side_rule: SideRule::Chord,
@@ -75,6 +78,13 @@ impl ParameterOptions {
         let range = |option, given: String, allowed, ok: bool| {
             if ok { Ok(()) } else { Err(Error::OptionRange { option, given, allowed }) }
         };
+        let unit = self.closed == Closed::None || self.domain == Domain::Unit;
+        range(
+            "--closed",
+            self.closed.to_string(),
+            "none with --domain data: closed directions have the period 1",
+            unit,
+        )?;
         range("--thin", format!("{:?}", self.thin), "4 or more", self.thin.is_none_or(|n| n >= 4))?;
         range("--subset", self.subset.to_string(), "500 or more", self.subset >= LEAST_SUBSET)
     }
@@ -110,6 +120,26 @@ named!(
     Data = "data"
 );
 named!(
+    /// The directions in which the surface closes on itself.
+    Closed, "none, u, v or uv",
+    /// None: four sides.
+    None = "none",
+    /// u: a tube round u, with two sides.
+    U = "u",
+    /// v: a tube round v, with two sides.
+    V = "v",
+    /// Both: a torus, without sides.
+    Uv = "uv"
+);
+
+impl Closed {
+    /// Whether u and whether v closes.
+    pub fn directions(self) -> [bool; 2] {
+        [matches!(self, Self::U | Self::Uv), matches!(self, Self::V | Self::Uv)]
+    }
+}
+
+named!(
     /// What can be removed from a cloud.
     Clean, "outliers or stray",
     /// Points whose neighbours are unusually far away.
@@ -137,7 +167,7 @@ named!(
     /// As they come out.
     Off = "off"
 );
-serialize_as_typed!(ParameterChoice, Domain, Clean, SideRule, Refine, GivenCorners, Crop, RadiusChoice);
+serialize_as_typed!(ParameterChoice, Domain, Closed, Clean, SideRule, Refine, GivenCorners, Crop, RadiusChoice);
 
 impl SideRule {
     pub(crate) fn rule(self) -> Rule {

@@ -8,6 +8,8 @@ use moving_param::Moves;
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
+use crate::options::Method;
+use crate::quasi::QuasiReport;
 use crate::{Error, FitOptions, ParameterOptions, ParameterReport, Parameterized};
 
 /// Report of one fit. Keys are added by later versions, never renamed within a schema.
@@ -82,6 +84,8 @@ pub struct InputReport {
 /// What came out.
 #[derive(Clone, Debug, Serialize)]
 pub struct ResultReport {
+    /// The fitting method; the one that was chosen where that was left open.
+    pub method: Method,
     /// Control points of the hierarchical surface.
     pub dofs: usize,
     /// Levels, level 0 included.
@@ -149,6 +153,9 @@ pub struct IterationReport {
     /// What happened to the parameters; absent where they are fixed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub moves: Option<MovesReport>,
+    /// The local problems of quasi-interpolation; absent for other methods.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quasi: Option<QuasiReport>,
 }
 
 /// How parameters moved in one iteration.
@@ -203,7 +210,7 @@ pub struct SecondsReport {
     pub refine: f64,
 }
 
-pub(crate) fn history(iterations: &[Iteration], moves: &[Moves]) -> Vec<IterationReport> {
+pub(crate) fn history(iterations: &[Iteration], moves: &[Moves], quasi: &[QuasiReport]) -> Vec<IterationReport> {
     iterations
         .iter()
         .enumerate()
@@ -222,17 +229,19 @@ pub(crate) fn history(iterations: &[Iteration], moves: &[Moves]) -> Vec<Iteratio
                 refine: i.seconds.refine,
             },
             moves: moves.get(k).map(MovesReport::from),
+            quasi: quasi.get(k).copied(),
         })
         .collect()
 }
 
-/// Names the sides of the parameter square by where they lie on the part.
+/// Names the sides of the parameter square by where they lie on the part. A closed direction has none.
 pub(crate) fn sides(map: &SplineMap<2>) -> Result<BTreeMap<&'static str, SideReport>, Error> {
     let (a, b) = map.space().domain();
     let at = |s: f64, t: f64| {
         let blend = |d: usize, x: f64| if x == 1.0 { b[d] } else { a[d] + x * (b[d] - a[d]) };
         map.eval([blend(0, s), blend(1, t)])
     };
+    let closed = map.space().periodic();
     let centre = at(0.5, 0.5)?;
     let ends = [
         ("u_min", (0.0, 0.0), (0.0, 1.0)),
@@ -241,7 +250,8 @@ pub(crate) fn sides(map: &SplineMap<2>) -> Result<BTreeMap<&'static str, SideRep
         ("v_max", (0.0, 1.0), (1.0, 1.0)),
     ];
     let mut sides = BTreeMap::new();
-    for (name, from, to) in ends {
+    let is_seam = |name: &str| closed[usize::from(name.starts_with('v'))];
+    for (name, from, to) in ends.into_iter().filter(|(name, ..)| !is_seam(name)) {
         let middle = at(0.5 * (from.0 + to.0), 0.5 * (from.1 + to.1))?;
         let offset: Vec<f64> = middle.iter().zip(&centre).map(|(m, c)| m - c).collect();
         let axis = (0..offset.len()).max_by(|&i, &j| offset[i].abs().total_cmp(&offset[j].abs())).unwrap_or(0);

@@ -52,6 +52,30 @@ pub enum Error {
         /// The degree.
         degree: usize,
     },
+    /// A knot of a periodic vector occurs twice.
+    #[error("knot {index} = {value} occurs twice: the knots of a periodic direction are simple")]
+    RepeatedKnot {
+        /// Index of the knot, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// Too few elements in a periodic direction: a B-spline would overlap itself.
+    #[error("{given} elements are too few in a periodic direction of degree {degree}: at least {needed} are needed")]
+    TooFewPeriodicElements {
+        /// Number of elements.
+        given: usize,
+        /// The degree.
+        degree: usize,
+        /// Smallest number of elements, `degree + 1`.
+        needed: usize,
+    },
+    /// Periodic knots where only open ones are possible.
+    #[error("the knots of direction {direction} are periodic: open them first")]
+    PeriodicKnots {
+        /// The direction, from 0.
+        direction: usize,
+    },
     /// A parameter lies outside the domain, or is not finite.
     #[error("parameter {value} in direction {direction} lies outside the domain [{lower}, {upper}]")]
     OutsideDomain {

@@ -184,17 +184,9 @@ impl<const D: usize> HierarchicalSpace<D> {
     /// Subdivides local B-spline coefficients, `(n_local, n)`, from the parent of a cell to the cell.
     pub(crate) fn subdivide(&self, child: NodeId, coefficients: &mut [f64], n: usize) {
         let (level, index) = (self.mesh.level(child), self.mesh.cell_index(child));
-        let mut line = [0.0; crate::MAX_DEGREE + 1];
         for d in 0..D {
             let matrix = self.levels[level - 1][d].subdivision(index[d] as usize);
-            crate::space::for_each_line(&self.degree(), n, d, |start, stride, order| {
-                for j in 0..order {
-                    line[j] = (0..order).map(|i| matrix[i * order + j] * coefficients[start + i * stride]).sum();
-                }
-                for j in 0..order {
-                    coefficients[start + j * stride] = line[j];
-                }
-            });
+            apply_along(&self.degree(), n, d, matrix, coefficients);
         }
     }
 
@@ -220,11 +212,13 @@ impl<const D: usize> HierarchicalSpace<D> {
                 rows.weights.extend(row);
             }
         }
-        for (local, function) in own.into_iter().enumerate() {
-            if let Some(function) = function.filter(|&f| f != PASSIVE) {
-                rows.functions.push(function);
-                rows.weights.extend((0..n_local).map(|j| f64::from(u8::from(j == local))));
-            }
+        let numbered = |(local, function): (usize, Option<u32>)| Some((function.filter(|&f| f != PASSIVE)?, local));
+        let mut active: Vec<(u32, usize)> = own.into_iter().enumerate().filter_map(numbered).collect();
+        // Functions across a seam come first in number but not in place: the extraction is a permutation there.
+        active.sort_unstable();
+        for (function, local) in active {
+            rows.functions.push(function);
+            rows.weights.extend((0..n_local).map(|j| f64::from(u8::from(j == local))));
         }
         rows
     }
@@ -235,11 +229,33 @@ impl<const D: usize> HierarchicalSpace<D> {
         let index = self.mesh.cell_index(node);
         let counts = self.function_counts(level);
         let orders = self.degree().map(|p| p + 1);
-        let first: [usize; D] = std::array::from_fn(|d| self.levels[level][d].knots.first_function(index[d] as usize));
+        let directions = &self.levels[level];
         for local in 0..self.n_local() {
             let offset = unravel(local, orders);
-            each(local, ravel(std::array::from_fn(|d| first[d] + offset[d]), counts) as u64);
+            let function = |d: usize| directions[d].knots.function(index[d] as usize, offset[d]);
+            each(local, ravel(std::array::from_fn(function), counts) as u64);
         }
+    }
+
+    /// Changes local B-spline coefficients, `(n_local, n)`, of a cell into those of a space with opened knots.
+    pub(crate) fn open_local(&self, opened: &Self, node: NodeId, coefficients: &mut [f64], n: usize) {
+        let (level, index) = (self.mesh.level(node), self.mesh.cell_index(node));
+        for d in 0..D {
+            let (own, target) = (&self.levels[level][d], &opened.levels[level][d].knots);
+            if own.knots.is_periodic() && !target.is_periodic() {
+                apply_along(&self.degree(), n, d, &own.opening(target, index[d] as usize), coefficients);
+            }
+        }
+    }
+
+    /// The space on open knots with the same mesh: it holds all functions of this space, cut at the seams of its periodic
+    /// directions. [`crate::transfer`] carries maps over.
+    ///
+    /// # Errors
+    /// [`Error::Elements`] if the functions cannot be counted in 32 bits.
+    pub fn opened(&self) -> Result<Self, Error> {
+        let knots = std::array::from_fn(|d| self.levels[0][d].knots.opened());
+        Self::build(self.kind, vec![Arc::new(knots.map(Level::new))], self.mesh.clone())
     }
 
     /// Whether the basis is truncated.
@@ -358,6 +374,10 @@ impl<const D: usize> CellSpace<D> for HierarchicalSpace<D> {
         (ends.map(|e| e.0), ends.map(|e| e.1))
     }
 
+    fn periodic(&self) -> [bool; D] {
+        std::array::from_fn(|d| self.levels[0][d].knots.is_periodic())
+    }
+
     fn n_cells(&self) -> usize {
         self.cells.len()
     }
@@ -385,6 +405,20 @@ impl<const D: usize> CellSpace<D> for HierarchicalSpace<D> {
         let leaf = self.mesh.covering(finest, spans.map(|s| s as u32));
         Ok(self.cell_of_node[leaf.index()] as usize)
     }
+}
+
+/// Multiplies each line along direction `d` of an array `(n_local, n)` with a matrix: entry `(i, j)` is the weight of the
+/// line's `i`-th number in its new `j`-th one.
+fn apply_along<const D: usize>(degree: &[usize; D], n: usize, d: usize, matrix: &[f64], coefficients: &mut [f64]) {
+    let mut line = [0.0; crate::MAX_DEGREE + 1];
+    crate::space::for_each_line(degree, n, d, |start, stride, order| {
+        for j in 0..order {
+            line[j] = (0..order).map(|i| matrix[i * order + j] * coefficients[start + i * stride]).sum();
+        }
+        for j in 0..order {
+            coefficients[start + j * stride] = line[j];
+        }
+    });
 }
 
 /// Functions on a cell as combinations of the B-splines of the cell's level.

@@ -12,10 +12,15 @@ pub(crate) type Row = [f64; MAX_DEGREE + 1];
 /// Largest number of elements of level 0 in one direction: cell indices of the finest level must fit in 32 bits.
 const MAX_ELEMENTS: usize = 1 << 16;
 
-/// An open knot vector: non-decreasing, end knots of multiplicity `p + 1`, inner knots of multiplicity at most `p + 1`.
+/// An open knot vector: non-decreasing, end knots of multiplicity `p + 1`, inner knots of multiplicity at most `p + 1`; or
+/// a periodic one: simple knots that go on beyond both ends as they do at the other end.
 ///
 /// A *span* is a non-empty knot interval `[breaks[s], breaks[s+1])`; the last one is closed. Function `i` has the support
 /// `[knots[i], knots[i+p+1]]` (Imperatore 2024, §2.1.1).
+///
+/// **Periodic vectors.** Both ends of the domain are one place, the *seam*. There are as many B-splines as spans, of
+/// which the first `p` reach across the seam: functions and spans are counted modulo their number, and at least `p + 1`
+/// spans keep a function from overlapping itself. All splines are `p − 1` times continuously differentiable at the seam.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnotVector {
     degree: usize,
@@ -23,8 +28,10 @@ pub struct KnotVector {
     breaks: Vec<f64>,
     /// For each span the index of the last knot at its left end.
     span_knot: Vec<usize>,
-    /// For each knot the index of its value among the breaks.
+    /// For each knot the index of its value among the breaks; empty for a periodic vector, where knot `j` is break `j − p`
+    /// some periods on.
     break_of_knot: Vec<usize>,
+    periodic: bool,
 }
 
 impl KnotVector {
@@ -64,7 +71,7 @@ impl KnotVector {
             let value = knots[knots.len() - 1];
             return Err(Error::Multiplicity { value, given: multiplicity, degree });
         }
-        Ok(Self { degree, knots, breaks, span_knot, break_of_knot })
+        Ok(Self { degree, knots, breaks, span_knot, break_of_knot, periodic: false })
     }
 
     /// The open knot vector with `elements` equal spans on `[0, 1]` and simple inner knots.
@@ -80,6 +87,71 @@ impl KnotVector {
         Self::new(degree, ends(0.0).chain(inner).chain(ends(1.0)).collect())
     }
 
+    /// The periodic knot vector with simple knots at the given breaks, of which the last one is the first one again, a
+    /// period on.
+    ///
+    /// # Errors
+    /// [`Error::Degree`], [`Error::KnotOrder`], [`Error::RepeatedKnot`], [`Error::Elements`],
+    /// [`Error::TooFewPeriodicElements`] for fewer than `degree + 1` spans.
+    pub fn periodic(degree: usize, breaks: Vec<f64>) -> Result<Self, Error> {
+        if !(1..=MAX_DEGREE).contains(&degree) {
+            return Err(Error::Degree { given: degree, limit: MAX_DEGREE });
+        }
+        let n = breaks.len().saturating_sub(1);
+        if n > MAX_ELEMENTS {
+            return Err(Error::Elements { given: n, limit: MAX_ELEMENTS });
+        }
+        if n < degree + 1 {
+            return Err(Error::TooFewPeriodicElements { given: n, degree, needed: degree + 1 });
+        }
+        for (index, &value) in breaks.iter().enumerate() {
+            if !value.is_finite() || (index > 0 && value < breaks[index - 1]) {
+                return Err(Error::KnotOrder { index, value });
+            }
+            if index > 0 && value == breaks[index - 1] {
+                return Err(Error::RepeatedKnot { index, value });
+            }
+        }
+        Ok(Self::continued(degree, breaks))
+    }
+
+    /// The periodic knot vector with `elements` equal spans on `[0, 1]`.
+    ///
+    /// # Errors
+    /// [`Error::Degree`], [`Error::Elements`], [`Error::TooFewPeriodicElements`].
+    pub fn uniform_periodic(degree: usize, elements: usize) -> Result<Self, Error> {
+        if elements > MAX_ELEMENTS {
+            return Err(Error::Elements { given: elements, limit: MAX_ELEMENTS });
+        }
+        Self::periodic(degree, (0..=elements).map(|i| i as f64 / elements.max(1) as f64).collect())
+    }
+
+    /// The breaks of a periodic vector, continued by `degree` knots on each side.
+    fn continued(degree: usize, breaks: Vec<f64>) -> Self {
+        let n = breaks.len() - 1;
+        let period = breaks[n] - breaks[0];
+        let before = breaks[n - degree..n].iter().map(|t| t - period);
+        let after = breaks[1..=degree].iter().map(|t| t + period);
+        let knots = before.chain(breaks.iter().copied()).chain(after).collect();
+        let span_knot = (degree..degree + n).collect();
+        Self { degree, knots, breaks, span_knot, break_of_knot: Vec::new(), periodic: true }
+    }
+
+    /// The open knot vector with the same breaks: its splines include those of a periodic vector, cut at the seam. An
+    /// open vector is returned as it is.
+    pub fn opened(&self) -> Self {
+        if !self.periodic {
+            return self.clone();
+        }
+        let (degree, n) = (self.degree, self.n_spans());
+        let ends = |t| std::iter::repeat_n(t, degree);
+        let knots: Vec<f64> =
+            ends(self.breaks[0]).chain(self.breaks.iter().copied()).chain(ends(self.breaks[n])).collect();
+        let break_of_knot = (0..knots.len()).map(|j| j.saturating_sub(degree).min(n)).collect();
+        let breaks = self.breaks.clone();
+        Self { degree, knots, breaks, span_knot: self.span_knot.clone(), break_of_knot, periodic: false }
+    }
+
     /// The same knots on another interval.
     ///
     /// # Errors
@@ -87,6 +159,9 @@ impl KnotVector {
     pub fn on_interval(&self, lower: f64, upper: f64) -> Result<Self, Error> {
         let (a, b) = self.domain();
         let place = |t: f64| if t == b { upper } else { lower + (t - a) / (b - a) * (upper - lower) };
+        if self.periodic {
+            return Self::periodic(self.degree, self.breaks.iter().map(|&t| place(t)).collect());
+        }
         Self::new(self.degree, self.knots.iter().map(|&t| place(t)).collect())
     }
 
@@ -95,7 +170,12 @@ impl KnotVector {
         self.degree
     }
 
-    /// All knots, with repetitions.
+    /// Whether the vector is periodic.
+    pub fn is_periodic(&self) -> bool {
+        self.periodic
+    }
+
+    /// All knots, with repetitions; of a periodic vector the breaks and `degree` further knots on each side.
     pub fn knots(&self) -> &[f64] {
         &self.knots
     }
@@ -105,14 +185,14 @@ impl KnotVector {
         &self.breaks
     }
 
-    /// First and last knot.
+    /// First and last break.
     pub fn domain(&self) -> (f64, f64) {
         (self.breaks[0], self.breaks[self.n_spans()])
     }
 
     /// Number of B-splines.
     pub fn n_functions(&self) -> usize {
-        self.knots.len() - self.degree - 1
+        if self.periodic { self.n_spans() } else { self.knots.len() - self.degree - 1 }
     }
 
     /// Number of non-empty knot intervals.
@@ -120,14 +200,55 @@ impl KnotVector {
         self.span_knot.len()
     }
 
-    /// The first of the `degree + 1` B-splines that do not vanish on a span.
+    /// The first of the `degree + 1` B-splines that do not vanish on a span. The others follow, in a periodic vector
+    /// modulo [`KnotVector::n_functions`]: see [`KnotVector::function`].
     pub fn first_function(&self, span: usize) -> usize {
         self.span_knot[span] - self.degree
     }
 
-    /// The spans in the support of a B-spline.
+    /// The B-spline with the number `local`, from 0 to the degree, of those that do not vanish on a span.
+    pub fn function(&self, span: usize, local: usize) -> usize {
+        let (function, n) = (self.first_function(span) + local, self.n_functions());
+        if function < n { function } else { function - n }
+    }
+
+    /// The spans in the support of a B-spline. In a periodic vector they are counted modulo [`KnotVector::n_spans`]: a
+    /// support across the seam starts before it and ends beyond the last span.
     pub fn support(&self, function: usize) -> Range<usize> {
+        if self.periodic {
+            let start = self.before(function, self.degree);
+            return start..start + self.degree + 1;
+        }
         self.break_of_knot[function]..self.break_of_knot[function + self.degree + 1]
+    }
+
+    /// The spans in the supports of the B-splines that do not vanish on a span, each once; in a periodic vector modulo
+    /// [`KnotVector::n_spans`].
+    pub fn support_extension(&self, span: usize) -> Range<usize> {
+        let p = self.degree;
+        if self.periodic {
+            let start = self.before(span, p);
+            return start..start + (2 * p + 1).min(self.n_spans());
+        }
+        let first = self.first_function(span);
+        self.support(first).start..self.support(first + p).end
+    }
+
+    /// The spans within a distance, in spans, of a span, each once; in a periodic vector modulo [`KnotVector::n_spans`].
+    pub fn neighbourhood(&self, span: usize, distance: usize) -> Range<usize> {
+        let n = self.n_spans();
+        if self.periodic {
+            let distance = distance.min(n / 2);
+            let start = self.before(span, distance);
+            return start..start + (2 * distance + 1).min(n);
+        }
+        span.saturating_sub(distance)..(span + distance + 1).min(n)
+    }
+
+    /// The index `distance` places before another one on the circle of spans.
+    fn before(&self, index: usize, distance: usize) -> usize {
+        let n = self.n_spans();
+        (index + n - distance % n) % n
     }
 
     /// The span that holds `u`: half-open, the last one closed. `None` outside the domain and for NaN.
@@ -147,14 +268,22 @@ impl KnotVector {
     }
 
     /// Greville abscissae: the means of `degree` consecutive knots, one per B-spline. B-spline coefficients equal to
-    /// them give the identity.
+    /// them give the identity, but in a periodic vector, where the identity is no spline and the means are wrapped into
+    /// the domain.
     pub fn greville(&self) -> Vec<f64> {
         let p = self.degree;
-        (0..self.n_functions()).map(|i| self.knots[i + 1..=i + p].iter().sum::<f64>() / p as f64).collect()
+        let mean = |i: usize| self.knots[i + 1..=i + p].iter().sum::<f64>() / p as f64;
+        let (lower, upper) = self.domain();
+        let place = |mean| if self.periodic { wrapped(mean, lower, upper) } else { mean };
+        (0..self.n_functions()).map(|i| place(mean(i))).collect()
     }
 
     /// The knot vector with the midpoint of each span inserted once.
     pub fn refined(&self) -> Self {
+        if self.periodic {
+            let halves = self.breaks.windows(2).flat_map(|pair| [pair[0], pair[0] + 0.5 * (pair[1] - pair[0])]);
+            return Self::continued(self.degree, halves.chain([self.domain().1]).collect());
+        }
         let mut knots = Vec::with_capacity(self.knots.len() + self.n_spans());
         for (i, &knot) in self.knots.iter().enumerate() {
             knots.push(knot);
@@ -174,32 +303,41 @@ impl KnotVector {
             }
             break_of_knot.push(breaks.len() - 1);
         }
-        Self { degree: self.degree, knots, breaks, span_knot, break_of_knot }
+        Self { degree: self.degree, knots, breaks, span_knot, break_of_knot, periodic: false }
     }
 
     /// The knot vector with further knots, and the coefficients `(n_functions, N)` in its B-splines.
     ///
     /// # Errors
-    /// As [`KnotVector::new`], where an inserted knot lies outside the domain or becomes too frequent; [`Error::Shape`].
+    /// As [`KnotVector::new`] or [`KnotVector::periodic`], where an inserted knot becomes too frequent;
+    /// [`Error::OutsideDomain`], [`Error::Shape`].
     pub fn insert(&self, further: &[f64], coefficients: ArrayView2<'_, f64>) -> Result<(Self, Array2<f64>), Error> {
         let (given, expected) = (coefficients.nrows(), self.n_functions());
         if given != expected {
             return Err(Error::Shape { what: "rows of coefficients", given, expected });
         }
-        let mut knots: Vec<f64> = self.knots.iter().chain(further).copied().collect();
+        let present = if self.periodic { &self.breaks } else { &self.knots };
+        let mut knots: Vec<f64> = present.iter().chain(further).copied().collect();
         knots.sort_by(f64::total_cmp);
-        let fine = Self::new(self.degree, knots)?;
+        let fine = if self.periodic { Self::periodic(self.degree, knots)? } else { Self::new(self.degree, knots)? };
+        if fine.domain() != self.domain() {
+            let (lower, upper) = self.domain();
+            let value = if fine.domain().0 < lower { fine.domain().0 } else { fine.domain().1 };
+            return Err(Error::OutsideDomain { value, direction: 0, lower, upper });
+        }
         let mut refined = Array2::zeros((fine.n_functions(), coefficients.ncols()));
         for (j, mut target) in refined.outer_iter_mut().enumerate() {
             let (first, weights) = self.coefficient_weights(&fine, j);
             for (i, weight) in weights[..=self.degree].iter().enumerate() {
-                target.scaled_add(*weight, &coefficients.row(first + i));
+                let row = (first + i as isize).rem_euclid(expected as isize) as usize;
+                target.scaled_add(*weight, &coefficients.row(row));
             }
         }
         Ok((fine, refined))
     }
 
-    /// Values of the `degree + 1` B-splines that do not vanish at `u`, with the index of the first.
+    /// Values of the `degree + 1` B-splines that do not vanish at `u`, with the index of the first. In a periodic vector the
+    /// others follow modulo [`KnotVector::n_functions`].
     ///
     /// # Errors
     /// [`Error::OutsideDomain`].
@@ -257,14 +395,40 @@ impl KnotVector {
         matrix
     }
 
-    /// Weights of this vector's coefficients in coefficient `j` of a refinement: the first index and the weights.
-    pub(crate) fn coefficient_weights(&self, fine: &Self, j: usize) -> (usize, Row) {
+    /// Number of B-splines that do not vanish on the domain, those across the seam counted at both ends.
+    pub(crate) fn n_images(&self) -> usize {
+        self.knots.len() - self.degree - 1
+    }
+
+    /// Weights of this vector's coefficients in coefficient `j` of a refinement: the first index and `degree + 1` weights.
+    /// Where a
+    /// vector is periodic, functions are counted on beyond both ends, as the knots are; the opened vector counts as a
+    /// refinement.
+    pub fn coefficient_weights(&self, fine: &Self, j: usize) -> (isize, [f64; MAX_DEGREE + 1]) {
         let p = self.degree;
-        let at = fine.knots[j];
+        // Of a function across the seam all images have the same weights: take the one that starts within the domain.
+        let (start, turns) = if fine.periodic {
+            let (span, n) = (j as isize - p as isize, fine.n_spans() as isize);
+            (span.rem_euclid(n) as usize + p, span.div_euclid(n))
+        } else {
+            (j, 0)
+        };
+        let at = fine.knots[start];
         let span = self.breaks.partition_point(|&b| b <= at).saturating_sub(1).min(self.n_spans() - 1);
         let mu = self.span_knot[span];
-        (mu - p, discrete_bsplines(&self.knots, mu, p, |r| fine.knots[j + 1 + r]))
+        let first = (mu - p) as isize + turns * self.n_spans() as isize;
+        (first, discrete_bsplines(&self.knots, mu, p, |r| fine.knots[start + 1 + r]))
     }
+}
+
+/// A number moved by whole periods into `[lower, upper)`.
+pub(crate) fn wrapped(u: f64, lower: f64, upper: f64) -> f64 {
+    if (lower..upper).contains(&u) {
+        return u;
+    }
+    let inside = lower + (u - lower).rem_euclid(upper - lower);
+    // Just below a whole number of periods the remainder rounds to a period.
+    if inside < upper || inside.is_nan() { inside } else { lower }
 }
 
 /// Discrete B-splines (Oslo algorithm): the Cox–de Boor recursion on the knot span `mu`, with its own argument at each

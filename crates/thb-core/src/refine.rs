@@ -3,13 +3,14 @@
 use std::ops::Range;
 
 use crate::tensor::unravel;
-use crate::{CellSpace, Error, HierarchicalMesh, HierarchicalSpace, Kind, MAX_LEVELS};
+use crate::{CellSpace, Error, HierarchicalMesh, HierarchicalSpace, Kind, KnotVector, MAX_LEVELS};
 
 /// How marked cells are refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refinement<const D: usize> {
     /// Cells of the *next* level by which the region of a marked cell is extended on each side, per direction; the result
-    /// is rounded outward to whole cells. 2 is one ring of the marked cell's own level, 4 two rings.
+    /// is rounded outward to whole cells. 2 is one ring of the marked cell's own level, 4 two rings. In periodic directions
+    /// the region goes on across the seam.
     pub extension: [usize; D],
     /// Keep the mesh admissible of this class (at least 2): on each cell, at most that many successive levels of
     /// functions do not vanish (Buffa & Giannelli 2016).
@@ -44,14 +45,12 @@ impl<const D: usize> HierarchicalSpace<D> {
             if level + 1 >= refinement.max_levels.min(MAX_LEVELS) {
                 continue;
             }
-            let grid = self.mesh().grid(level);
             let index = self.mesh().cell_index(node);
-            let neighbours = std::array::from_fn(|d| {
-                let rings = refinement.extension[d].div_ceil(2);
-                let i = index[d] as usize;
-                i.saturating_sub(rings)..(i + rings + 1).min(grid[d])
-            });
-            for_each_in_box(neighbours, |cell| self.split(&mut mesh, level, cell, refinement.admissible))?;
+            let rings = refinement.extension.map(|cells| cells.div_ceil(2));
+            let neighbours =
+                self.ranges(level, |d, knots: &KnotVector| knots.neighbourhood(index[d] as usize, rings[d]))?;
+            let grid = self.mesh().grid(level);
+            for_each_in_box(neighbours, grid, |cell| self.split(&mut mesh, level, cell, refinement.admissible))?;
         }
         self.with_mesh(mesh)
     }
@@ -75,33 +74,39 @@ impl<const D: usize> HierarchicalSpace<D> {
         }
         if let Some(coarse) = (level + 1).checked_sub(class) {
             let extension_level = if self.kind() == Kind::Thb { coarse + 1 } else { coarse };
-            let extension = self.support_extension(extension_level, index.map(|i| i >> (level - extension_level)))?;
-            let shift = extension_level - coarse;
-            for_each_in_box(extension, |cell| self.split(mesh, coarse, cell.map(|i| i >> shift), admissible))?;
+            let around = index.map(|i| i >> (level - extension_level));
+            let extension =
+                self.ranges(extension_level, |d, knots: &KnotVector| knots.support_extension(around[d] as usize))?;
+            let (grid, shift) = (mesh.grid(extension_level), extension_level - coarse);
+            for_each_in_box(extension, grid, |cell| self.split(mesh, coarse, cell.map(|i| i >> shift), admissible))?;
         }
         mesh.split(level, index)
     }
 
-    /// The cells of a level in the supports of the B-splines that do not vanish on one of its cells.
-    fn support_extension(&self, level: usize, index: [u32; D]) -> Result<[Range<usize>; D], Error> {
-        let mut extension = std::array::from_fn(|_| 0..0);
-        for (d, range) in extension.iter_mut().enumerate() {
-            let knots = self.knots(level, d)?;
-            let first = knots.first_function(index[d] as usize);
-            *range = knots.support(first).start..knots.support(first + knots.degree()).end;
+    /// A range of spans of a level per direction.
+    fn ranges(
+        &self,
+        level: usize,
+        of: impl Fn(usize, &KnotVector) -> Range<usize>,
+    ) -> Result<[Range<usize>; D], Error> {
+        let mut ranges = std::array::from_fn(|_| 0..0);
+        for (d, range) in ranges.iter_mut().enumerate() {
+            *range = of(d, self.knots(level, d)?);
         }
-        Ok(extension)
+        Ok(ranges)
     }
 }
 
+/// Calls `each` for the cells of a box. Indices beyond the grid are those of periodic directions and wrap.
 fn for_each_in_box<const D: usize>(
     ranges: [Range<usize>; D],
+    grid: [usize; D],
     mut each: impl FnMut([u32; D]) -> Result<(), Error>,
 ) -> Result<(), Error> {
     let counts: [usize; D] = std::array::from_fn(|d| ranges[d].len());
     for linear in 0..counts.iter().product() {
         let offset = unravel(linear, counts);
-        each(std::array::from_fn(|d| (ranges[d].start + offset[d]) as u32))?;
+        each(std::array::from_fn(|d| ((ranges[d].start + offset[d]) % grid[d]) as u32))?;
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! What fitting needs to know of a function space: cells, and on each cell a few polynomials.
 
 use crate::Error;
+use crate::knots::wrapped;
 
 /// How the functions of a cell combine its tensor-product B-splines.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +40,30 @@ pub trait CellSpace<const D: usize>: Send + Sync {
     fn degree(&self) -> [usize; D];
     /// Lower and upper corner of the domain.
     fn domain(&self) -> ([f64; D], [f64; D]);
+    /// The directions in which functions go on across the ends of the domain: both ends are one place, the seam.
+    fn periodic(&self) -> [bool; D] {
+        [false; D]
+    }
+    /// The parameter of the domain that stands for `u`: moved by whole periods in periodic directions, to the nearer end in
+    /// others. NaN stays NaN.
+    fn to_domain(&self, u: [f64; D]) -> [f64; D] {
+        let ((lower, upper), periodic) = (self.domain(), self.periodic());
+        std::array::from_fn(|d| {
+            if periodic[d] { wrapped(u[d], lower[d], upper[d]) } else { u[d].clamp(lower[d], upper[d]) }
+        })
+    }
+    /// The shortest way between two parameters of the domain: in periodic directions it may lead across the seam.
+    fn way(&self, from: [f64; D], to: [f64; D]) -> [f64; D] {
+        let ((lower, upper), periodic) = (self.domain(), self.periodic());
+        std::array::from_fn(|d| {
+            let (way, period) = (to[d] - from[d], upper[d] - lower[d]);
+            match periodic[d] {
+                true if way > 0.5 * period => way - period,
+                true if way < -0.5 * period => way + period,
+                _ => way,
+            }
+        })
+    }
     /// Number of cells.
     fn n_cells(&self) -> usize;
     /// A cell by its number.

@@ -3,7 +3,7 @@
 use crate::level::Level;
 use crate::{Cell, CellSpace, Error, Extraction, KnotVector};
 
-/// Tensor-product B-splines; function and cell numbers run with the first direction fastest.
+/// Tensor-product B-splines of open knots; function and cell numbers run with the first direction fastest.
 #[derive(Clone, Debug)]
 pub struct TensorSpace<const D: usize> {
     levels: [Level; D],
@@ -12,11 +12,15 @@ pub struct TensorSpace<const D: usize> {
 }
 
 impl<const D: usize> TensorSpace<D> {
-    /// The space of the given knots.
+    /// The space of the given knots. Periodic tensor-product splines are a [`crate::HierarchicalSpace`] that is not
+    /// refined.
     ///
     /// # Errors
-    /// [`Error::Elements`] if the functions cannot be counted in 32 bits.
+    /// [`Error::Elements`] if the functions cannot be counted in 32 bits, [`Error::PeriodicKnots`].
     pub fn new(knots: [KnotVector; D]) -> Result<Self, Error> {
+        if let Some(direction) = knots.iter().position(KnotVector::is_periodic) {
+            return Err(Error::PeriodicKnots { direction });
+        }
         let limit = u32::MAX as usize;
         let total = |counts: [usize; D]| counts.iter().fold(1_usize, |product, &n| product.saturating_mul(n));
         let n_functions = total(std::array::from_fn(|d| knots[d].n_functions()));

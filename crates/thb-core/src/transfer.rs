@@ -1,10 +1,13 @@
 //! Exact transfer of coefficients to a refined space.
 
+use std::sync::Arc;
+
 use ndarray::Array2;
 
 use crate::{CellSpace, Error, Extraction, HierarchicalSpace, NodeId, SplineMap};
 
-/// The same map with coefficients in a refinement of its space.
+/// The same map with coefficients in a refinement of its space, or in that of the opened knots
+/// ([`HierarchicalSpace::opened`]) of a periodic space.
 ///
 /// On a leaf cell of level ℓ of the finer space the map is a combination of B-splines of level ℓ. There, functions of
 /// coarser levels do not touch the coefficients of B-splines with support in Ω^ℓ if they are truncated (preservation of
@@ -18,7 +21,8 @@ pub fn transfer<const D: usize>(map: &SplineMap<D>, finer: &HierarchicalSpace<D>
         return Err(Error::NotNested { reason: "one basis is truncated, the other is not" });
     }
     for d in 0..D {
-        if coarse.knots(0, d)? != finer.knots(0, d)? {
+        let (from, to) = (coarse.knots(0, d)?, finer.knots(0, d)?);
+        if from != to && from.opened() != *to {
             return Err(Error::NotNested { reason: "the knots of level 0 differ" });
         }
     }
@@ -60,6 +64,22 @@ pub fn transfer<const D: usize>(map: &SplineMap<D>, finer: &HierarchicalSpace<D>
         .map_err(|_| Error::NotNested { reason: "the coefficients do not fill the space" })
 }
 
+impl<const D: usize> SplineMap<D> {
+    /// The same map on open knots: in periodic directions cut at the seam, exactly, by knot insertion. A map without
+    /// periodic directions is returned as it is.
+    ///
+    /// # Errors
+    /// [`Error::Elements`] if the functions cannot be counted in 32 bits.
+    pub fn opened(&self) -> Result<Self, Error> {
+        if self.space().periodic() == [false; D] {
+            return Ok(self.clone());
+        }
+        let space = self.space().opened()?;
+        let coefficients = transfer(self, &space)?;
+        Self::new(Arc::new(space), coefficients)
+    }
+}
+
 /// The map's coefficients in the B-splines of the level of a cell of the finer space.
 fn local_coefficients<const D: usize>(
     map: &SplineMap<D>,
@@ -75,6 +95,7 @@ fn local_coefficients<const D: usize>(
         .cell_of_node(covering)
         .ok_or(Error::NotNested { reason: "a cell is coarser than in the space of the map" })?;
     coarse.cell(cell).local_coefficients(source, map.dim(), local);
+    coarse.open_local(finer, covering, local, map.dim());
     for below in coarse.mesh().level(covering) + 1..=level {
         let step = finer.mesh().find(below, index.map(|i| i >> (level - below)));
         let step = step.ok_or(Error::NotNested { reason: "the mesh has a gap between levels" })?;

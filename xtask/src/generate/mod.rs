@@ -2,6 +2,7 @@
 
 pub mod fixtures;
 mod format;
+pub mod gridded;
 mod mesh;
 pub mod scattered;
 pub mod surface;

@@ -1,5 +1,6 @@
 //! The surfaces, and where on them points lie.
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -22,6 +23,10 @@ pub enum Kind {
     Blade,
     /// Imperatore 2024, (3.13): a height field with three cusps over [−1, 1]², at random points.
     Peaks,
+    /// A tube round u, 5 long: an oval section that turns and swells from v = 0 to v = 1.
+    Tube,
+    /// A torus with radii 3 and 1, closed in u and v, with waves.
+    Torus,
     /// The same on a grid, as in the example of reweighted least squares in §3.1.6 (64 × 64 points there).
     Rwls,
 }
@@ -30,7 +35,7 @@ impl Kind {
     /// Where its points lie by default.
     pub fn layout(self) -> Layout {
         match self {
-            Self::Wigley | Self::Bonnet | Self::Blade => Layout::Scattered,
+            Self::Wigley | Self::Bonnet | Self::Blade | Self::Tube | Self::Torus => Layout::Scattered,
             Self::Peaks => Layout::Random,
             Self::Rwls => Layout::Grid,
         }
@@ -45,6 +50,8 @@ impl Kind {
         Ok(match self {
             Self::Wigley => Surface::Formula(wigley),
             Self::Peaks | Self::Rwls => Surface::Formula(peaks),
+            Self::Tube => Surface::Formula(tube),
+            Self::Torus => Surface::Formula(torus),
             Self::Bonnet => Surface::Spline(spline(2, [6, 8], bonnet_control_point)?),
             Self::Blade => Surface::Spline(spline(3, [8, 10], blade_control_point)?),
         })
@@ -145,6 +152,21 @@ fn peaks([u, v]: [f64; 2]) -> [f64; 3] {
     [x, y, 2.0 / 3.0 * (cusp(-3.0) + cusp(3.0) + cusp(0.0))]
 }
 
+fn tube([u, v]: [f64; 2]) -> [f64; 3] {
+    const LENGTH: f64 = 5.0;
+    let (sine, cosine) = (TAU * u).sin_cos();
+    // Harmonics of the angle only: the tube is smooth across its seam.
+    let radius = 1.0 + 0.25 * (2.0 * TAU * u + 2.0 * v).cos() + 0.5 * v * (1.0 - v) + 0.1 * v * (3.0 * TAU * u).sin();
+    [radius * cosine + 0.4 * v * v, radius * sine, LENGTH * v]
+}
+
+fn torus([u, v]: [f64; 2]) -> [f64; 3] {
+    let ((sine, cosine), (rise, reach)) = ((TAU * u).sin_cos(), (TAU * v).sin_cos());
+    let tube = 1.0 + 0.15 * (3.0 * TAU * u).cos() * (2.0 * TAU * v).sin();
+    let radius = 3.0 + tube * reach;
+    [radius * cosine, radius * sine, tube * rise]
+}
+
 /// A B-spline whose control points follow from their Greville abscissae.
 fn spline(
     degree: usize,
@@ -226,6 +248,15 @@ mod tests {
             }
         }
         assert_eq!(wigley([0.5, 1.0]), [0.0, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn tube_and_torus_close() {
+        let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-13);
+        for t in [0.0, 0.2, 0.7, 1.0] {
+            assert!(near(tube([0.0, t]), tube([1.0, t])) && !near(tube([t, 0.0]), tube([t, 1.0])));
+            assert!(near(torus([0.0, t]), torus([1.0, t])) && near(torus([t, 0.0]), torus([t, 1.0])));
+        }
     }
 
     #[test]

@@ -21,3 +21,9 @@ pub(super) fn figure(x: f64) -> String {
 pub(super) fn compared(printed: f64, ours: f64) -> [String; 3] {
     [figure(printed), figure(ours), format!("{:.2}", ours / printed)]
 }
+
+/// A factor, two digits however small.
+pub(super) fn factor(ours: f64, printed: f64) -> String {
+    let ratio = ours / printed;
+    if ratio < 0.095 { format!("{ratio:.1e}") } else { format!("{ratio:.2}") }
+}

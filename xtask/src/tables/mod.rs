@@ -2,3 +2,6 @@
 
 pub mod classical;
 mod markdown;
+pub mod parcnn;
+pub mod qi;
+mod voids;

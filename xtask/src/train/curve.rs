@@ -7,8 +7,9 @@ const HEIGHT: f64 = 500.0;
 const MARGIN: f64 = 60.0;
 const COLOURS: [&str; 5] = ["#1b6ca8", "#d1495b", "#2e933c", "#8d5a97", "#c98a00"];
 
-/// The columns `mse …` of a log over its first column, both logarithmic; dashed, LPSP on the same clouds.
-pub(super) fn svg(log: &str) -> String {
+/// The columns `mse …` of a log over its first column, both logarithmic; dashed, the column after each, of which `rival`
+/// says what it is.
+pub(super) fn svg(log: &str, rival: &str) -> String {
     let mut lines = log.lines();
     let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     let rows: Vec<Vec<f64>> =
@@ -47,7 +48,7 @@ pub(super) fn svg(log: &str) -> String {
     }
     let _ = writeln!(
         out,
-        "<text x=\"{MARGIN}\" y=\"{:.1}\">steps; MSE on fixed clouds, dashed: LPSP</text>",
+        "<text x=\"{MARGIN}\" y=\"{:.1}\">steps; MSE on fixed clouds, dashed: {rival}</text>",
         HEIGHT - 12.0
     );
     for (n, &k) in columns.iter().enumerate() {
@@ -75,7 +76,7 @@ mod tests {
     #[test]
     fn curves_fall_from_left_to_right() {
         let log = "step,seconds,mse 200,lpsp 200,parameter error 200\n10,1,1e-2,1e-4,0.3\n100,9,1e-3,1e-4,0.1\n";
-        let picture = svg(log);
+        let picture = svg(log, "LPSP");
         // Log 2 at the top left, log 4 at the bottom; the middle of the height is log 3.
         assert!(picture.contains("points=\"60.0,60.0 840.0,250.0\""), "{picture}");
         assert!(picture.contains("points=\"60.0,440.0 840.0,440.0\""), "{picture}");
@@ -83,6 +84,6 @@ mod tests {
 
     #[test]
     fn a_log_without_rows_is_an_empty_picture() {
-        assert!(svg("step,mse 200\n").ends_with("</svg>\n"));
+        assert!(svg("step,mse 200\n", "LPSP").ends_with("</svg>\n"));
     }
 }

@@ -1,6 +1,7 @@
 //! Training of the networks: progress, checkpoints and learning curves as files.
 
 mod curve;
+pub mod gridded;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -86,7 +87,7 @@ impl Run {
             replace(&path(CHECKPOINT), &trainer.checkpoint(&self.command))?;
             replace(&path(WEIGHTS), &network.to_bytes())?;
             replace(&path(LOG), log.as_bytes())?;
-            replace(&path(CURVE), curve::svg(&log).as_bytes())?;
+            replace(&path(CURVE), curve::svg(&log, "LPSP").as_bytes())?;
             tell(&line);
             (last, sum, count) = (Instant::now(), 0.0, 0);
         }

@@ -1,6 +1,7 @@
 //! The binary `thb`, run as users run it.
 
 mod batch;
+mod closed;
 mod inputs;
 mod lab;
 mod layouts;

@@ -1,4 +1,4 @@
-//! Methods with moving parameters.
+//! Fitting methods and their options.
 
 use crate::lab::Lab;
 use crate::scans;
@@ -6,7 +6,7 @@ use crate::scans;
 #[test]
 fn every_method_fits_and_reports_its_moves() {
     let lab = Lab::with("scan.off", scans::mesh());
-    lab.succeeds("fit scan.off --tol 0.05% -o part.json --report fixed.json");
+    lab.succeeds("fit scan.off --tol 0.05% --method ls -o part.json --report fixed.json");
     let fixed = lab.json("fixed.json");
     assert!(fixed["history"][0]["moves"].is_null());
     for method in
@@ -24,9 +24,63 @@ fn every_method_fits_and_reports_its_moves() {
 }
 
 #[test]
+fn a_method_left_open_moves_parameters_unless_fixed_ones_end_better() {
+    let lab = Lab::with("scan.off", scans::mesh());
+    let mut chosen = Vec::new();
+    // One level is too few for the last tolerance: the better of both surfaces is kept.
+    for limits in ["--tol 0.05%", "--tol 0.001% --levels 1 --within 1"] {
+        let fit = |method: &str| {
+            let run = lab.thb(&format!("fit scan.off {limits} {method} -o part.json --report r.json"));
+            assert!([0, 3].contains(&run.code), "{limits} {method}: {}", run.code);
+            lab.json("r.json")["result"].clone()
+        };
+        let [open, fixed] = ["", "--method ls"].map(fit);
+        let within = |result: &serde_json::Value| result["within"].as_f64().unwrap();
+        assert!(open["reached"] == true || within(&open) >= within(&fixed), "{limits}: {open} {fixed}");
+        chosen.push(open["method"].as_str().unwrap().to_owned());
+    }
+    assert_eq!(chosen[0], "joint");
+    assert!(["joint", "ls"].contains(&chosen[1].as_str()));
+}
+
+#[test]
+fn quasi_interpolation_fits_and_reports_its_local_problems() {
+    let lab = Lab::with("scan.off", scans::mesh());
+    for method in [
+        "qi",
+        "qi --n-min 20 --n-loc 40 --splits 2x2 --density 0.5 --nu 0.9",
+        "qi --lambda 1e-7 --local-lambda points",
+        "qi --lambda 1e-5 --local-lambda area",
+        "a-qi --corrections 2",
+    ] {
+        // Refined as far as the points allow, within the tolerance or not.
+        let run = lab.thb(&format!("fit scan.off --tol 0.02% --method {method} -o part.json --report r.json"));
+        assert!([0, 3].contains(&run.code), "{method}: {}", run.code);
+        let report = lab.json("r.json");
+        let history = report["history"].as_array().unwrap();
+        let solved = |k: usize| history[k]["quasi"]["solved"].as_u64().unwrap();
+        let moves = method.starts_with("a-qi");
+        assert_eq!(solved(0), if moves { 3 } else { 1 } * history[0]["dofs"].as_u64().unwrap(), "{method}");
+        assert!(history.iter().all(|i| i["moves"].is_null() != moves), "{method}");
+        let compared = lab.prints_json("compare part.json scan.off --tol 0.02%");
+        assert!(compared["within"].as_f64().unwrap() >= report["result"]["within"].as_f64().unwrap(), "{method}");
+    }
+}
+
+#[test]
 fn options_of_methods_are_checked() {
     let lab = Lab::with("scan.off", scans::mesh());
-    for arguments in ["--method a-xdm", "--method a-hdm --blend 1.5", "--damping=-1", "--boundary half"] {
+    for arguments in [
+        "--method a-xdm",
+        "--method a-hdm --blend 1.5",
+        "--damping=-1",
+        "--boundary half",
+        "--method qi --n-min 2",
+        "--n-min 9 --n-loc 8",
+        "--density=-1",
+        "--splits 0",
+        "--local-lambda x",
+    ] {
         assert_eq!(lab.thb(&format!("fit scan.off -o part.json {arguments}")).code, 2, "{arguments}");
     }
     assert_eq!(lab.files().len(), 1);

@@ -10,7 +10,7 @@ use crate::scans;
 /// A lab with a scan, a refined model of it and its report.
 fn fitted() -> Lab {
     let lab = Lab::with("scan.off", scans::mesh());
-    lab.succeeds("fit scan.off -o part.json --report report.json --tol 0.005%");
+    lab.succeeds("fit scan.off -o part.json --report report.json --tol 0.005% --method ls");
     assert!(lab.prints_json("info part.json")["levels"].as_u64().unwrap() > 1);
     lab
 }

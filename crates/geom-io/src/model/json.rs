@@ -3,13 +3,14 @@
 //! ```text
 //! { "format": "thb-spline-model", "version": 1,
 //!   "dimension": 2, "kind": "thb" | "hb", "unit": "millimetre" | "metre" | "inch",
-//!   "degrees": [p, q], "knots": [[…], […]],
+//!   "degrees": [p, q], "knots": [[…], […]], "periodic": [false, false],
 //!   "splits": [{"level": 0, "cells": [[i, j], …]}, {"level": 1, "cells": […]}, …],
 //!   "coefficients": [[x, y, z], …],
 //!   "metadata": {…} }
 //! ```
 //!
-//! `knots` are those of level 0, with repetitions. `splits` are the cells that were split, in the order in which their
+//! `knots` are those of level 0, with repetitions; where `periodic` says so, the breaks, of which the last is the first one
+//! a period on. `periodic` is absent where nothing is periodic; a file that has it is of version 2. `splits` are the cells that were split, in the order in which their
 //! children were created: split anew in this order they give the same mesh with the same numbers. Coefficients are in
 //! the order of the functions: by level, then by tensor index with the first direction fastest. `metadata` may be absent.
 
@@ -18,13 +19,16 @@ use std::io::{self, Write};
 use ndarray::Array2;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use thb_core::{HierarchicalMesh, Kind, KnotVector, SplineMap};
+use thb_core::{CellSpace, HierarchicalMesh, Kind, KnotVector, SplineMap};
 
 use super::build::Parts;
 use super::{Geometry, LengthUnit, Model, ModelErrorKind};
 
 const FORMAT: &str = "thb-spline-model";
+/// The version that is written, but for maps with periodic directions.
 const VERSION: u64 = 1;
+/// The version with `periodic`.
+const PERIODIC_VERSION: u64 = 2;
 
 /// What every version says first.
 #[derive(Deserialize)]
@@ -42,6 +46,8 @@ struct Document {
     unit: LengthUnit,
     degrees: Vec<usize>,
     knots: Vec<Vec<f64>>,
+    #[serde(default)]
+    periodic: Option<Vec<bool>>,
     splits: Vec<Splits>,
     coefficients: Vec<Vec<f64>>,
     #[serde(default)]
@@ -84,12 +90,17 @@ fn write_map<const D: usize>(out: &mut dyn Write, map: &SplineMap<D>, model: &Mo
         knots.push(space.knots(0, d).map_err(io::Error::other)?);
     }
     let degrees: Vec<usize> = knots.iter().map(|k| k.degree()).collect();
-    let knots: Vec<&[f64]> = knots.iter().map(|k| k.knots()).collect();
-    writeln!(out, "{{\n\"format\": \"{FORMAT}\",\n\"version\": {VERSION},\n\"dimension\": {D},")?;
+    let knots: Vec<&[f64]> = knots.iter().map(|k| if k.is_periodic() { k.breaks() } else { k.knots() }).collect();
+    let periodic = space.periodic();
+    let version = if periodic.contains(&true) { PERIODIC_VERSION } else { VERSION };
+    writeln!(out, "{{\n\"format\": \"{FORMAT}\",\n\"version\": {version},\n\"dimension\": {D},")?;
     field(out, "kind", &kind)?;
     field(out, "unit", &model.unit)?;
     field(out, "degrees", &degrees)?;
     field(out, "knots", &knots)?;
+    if version == PERIODIC_VERSION {
+        field(out, "periodic", &periodic.to_vec())?;
+    }
     field(out, "splits", &splits(space.mesh()))?;
     if !model.metadata.is_empty() {
         field(out, "metadata", &model.metadata)?;
@@ -137,8 +148,8 @@ pub fn parse_json(bytes: &[u8]) -> Result<Model, ModelErrorKind> {
             return Err(ModelErrorKind::ForeignFormat { found, expected: FORMAT });
         }
     }
-    if header.version != VERSION {
-        return Err(ModelErrorKind::Version { found: header.version, supported: VERSION });
+    if !(VERSION..=PERIODIC_VERSION).contains(&header.version) {
+        return Err(ModelErrorKind::Version { found: header.version, supported: PERIODIC_VERSION });
     }
     let document: Document = serde_json::from_slice(bytes).map_err(damaged)?;
     let unit = document.unit;
@@ -164,8 +175,9 @@ impl Document {
         let degrees: [usize; D] = exactly("degrees", self.degrees)?;
         let lists: [Vec<f64>; D] = exactly("knot vectors", self.knots)?;
         let mut knots = Vec::with_capacity(D);
-        for (degree, list) in degrees.into_iter().zip(lists) {
-            knots.push(KnotVector::new(degree, list)?);
+        let periodic: [bool; D] = exactly("flags of periodic directions", self.periodic.unwrap_or(vec![false; D]))?;
+        for ((degree, list), periodic) in degrees.into_iter().zip(lists).zip(periodic) {
+            knots.push(if periodic { KnotVector::periodic(degree, list)? } else { KnotVector::new(degree, list)? });
         }
         let kind = match self.kind {
             KindName::Hb => Kind::Hb,

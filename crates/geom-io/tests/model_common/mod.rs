@@ -1,6 +1,7 @@
 //! Models for the tests of the model formats.
 #![allow(dead_code, reason = "each test file uses a part")]
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use ndarray::Array2;
@@ -55,7 +56,7 @@ pub(crate) fn sheet(kind: Kind, degree: [usize; 2], elements: [usize; 2], n_leve
     let near = |lower: [f64; 2], upper: [f64; 2]| curve(lower[0]) < upper[1] && curve(upper[0]) > lower[1];
     let place =
         |u: f64, v: f64| [100.0 * u + 5.0 * (6.0 * v).sin(), 60.0 * v, 12.0 * (5.0 * u).sin() * (4.0 * v).cos()];
-    surface(kind, degree, elements, n_levels, near, place)
+    surface(kind, open_knots(degree, elements), n_levels, near, place)
 }
 
 /// Places refined in [`spots`].
@@ -67,7 +68,7 @@ pub(crate) fn spots(degree: [usize; 2], elements: [usize; 2], n_levels: usize) -
         SPOTS.iter().any(|spot| (0..2).all(|d| lower[d] <= spot[d] && spot[d] < upper[d]))
     };
     let place = |u: f64, v: f64| [100.0 * u, 60.0 * v + 4.0 * u * u, 10.0 * (3.0 * u + 2.0 * v).sin()];
-    surface(Kind::Thb, degree, elements, n_levels, inside, place)
+    surface(Kind::Thb, open_knots(degree, elements), n_levels, inside, place)
 }
 
 /// A dome: its side v = 1 is one point, its sides u = 0 and u = 1 are apart.
@@ -77,20 +78,52 @@ pub(crate) fn dome(n_levels: usize) -> SplineMap<2> {
         let (angle, radius) = (3.0 * u, 10.0 * (1.0 - v));
         [radius * angle.cos(), radius * angle.sin(), 8.0 * v * (2.0 - v)]
     };
-    surface(Kind::Thb, [2, 3], [5, 4], n_levels, near, place)
+    surface(Kind::Thb, open_knots([2, 3], [5, 4]), n_levels, near, place)
+}
+
+/// A tube, closed in u, or a torus, closed in u and v, refined on both sides of the seam.
+pub(crate) fn ring(kind: Kind, degree: [usize; 2], elements: [usize; 2], torus: bool, n_levels: usize) -> SplineMap<2> {
+    let mut knots = open_knots(degree, elements);
+    for d in 0..if torus { 2 } else { 1 } {
+        knots[d] = KnotVector::uniform_periodic(degree[d], elements[d]).unwrap();
+    }
+    let near = |lower: [f64; 2], upper: [f64; 2]| {
+        let seam = lower[0] == 0.0 && upper[1] > 0.4 || upper[0] == 1.0 && lower[1] < 0.3;
+        seam || torus && lower[1] == 0.0 && lower[0] < 0.6
+    };
+    let place = |u: f64, v: f64| {
+        let ((s, c), (sine, cosine)) = ((TAU * u).sin_cos(), (TAU * v).sin_cos());
+        let radius = if torus { 30.0 + 12.0 * cosine } else { 20.0 + 5.0 * v };
+        [radius * c, radius * s, if torus { 12.0 * sine } else { 60.0 * v }]
+    };
+    surface(kind, knots, n_levels, near, place)
+}
+
+/// A cap, closed in u: its side v = 1 is one point.
+pub(crate) fn cap(n_levels: usize) -> SplineMap<2> {
+    let knots = [KnotVector::uniform_periodic(3, 7).unwrap(), KnotVector::uniform(2, 4).unwrap()];
+    let near = |lower: [f64; 2], upper: [f64; 2]| lower[0] == 0.0 && upper[1] > 0.6;
+    let place = |u: f64, v: f64| {
+        let (sine, cosine) = (TAU * u).sin_cos();
+        [20.0 * (1.0 - v) * cosine, 20.0 * (1.0 - v) * sine, 15.0 * v * (2.0 - v)]
+    };
+    surface(Kind::Thb, knots, n_levels, near, place)
+}
+
+fn open_knots(degree: [usize; 2], elements: [usize; 2]) -> [KnotVector; 2] {
+    std::array::from_fn(|d| KnotVector::uniform(degree[d], elements[d]).unwrap())
 }
 
 /// A surface whose control points of level 0 are `place` at the Greville abscissae, refined from level to level where
 /// `refine(lower, upper)` says so of a cell, with noise on the coefficients of finer levels away from v = 1.
 pub(crate) fn surface(
     kind: Kind,
-    degree: [usize; 2],
-    elements: [usize; 2],
+    knots: [KnotVector; 2],
     n_levels: usize,
     refine: impl Fn([f64; 2], [f64; 2]) -> bool,
     place: impl Fn(f64, f64) -> [f64; 3],
 ) -> SplineMap<2> {
-    let knots = std::array::from_fn(|d| KnotVector::uniform(degree[d], elements[d]).unwrap());
+    let degree = [knots[0].degree(), knots[1].degree()];
     let space = HierarchicalSpace::new(kind, knots).unwrap();
     let (u, v) = (space.knots(0, 0).unwrap().greville(), space.knots(0, 1).unwrap().greville());
     let points = |(i, k)| place(u[i % u.len()], v[i / u.len()])[k];

@@ -19,12 +19,12 @@ fn rows_mut<T>(x: &mut [T]) -> &mut [[T; WIDTH]] {
     x.as_chunks_mut().0
 }
 
-pub(super) fn zeros<T: Real>(count: usize) -> Vec<T> {
+pub(crate) fn zeros<T: Real>(count: usize) -> Vec<T> {
     vec![T::from_f64(0.0); count]
 }
 
 /// Adds a row to every row.
-pub(super) fn add_row<T: Real>(x: &mut [T], row: &[T]) {
+pub(crate) fn add_row<T: Real>(x: &mut [T], row: &[T]) {
     vectorized(
         #[inline(always)]
         || x.chunks_exact_mut(row.len()).for_each(|x| x.iter_mut().zip(row).for_each(|(x, r)| *x += *r)),
@@ -32,7 +32,7 @@ pub(super) fn add_row<T: Real>(x: &mut [T], row: &[T]) {
 }
 
 /// Adds the sum of all rows to `sums`.
-pub(super) fn add_column_sums<T: Real>(sums: &mut [T], x: &[T]) {
+pub(crate) fn add_column_sums<T: Real>(sums: &mut [T], x: &[T]) {
     vectorized(
         #[inline(always)]
         || x.chunks_exact(sums.len()).for_each(|x| sums.iter_mut().zip(x).for_each(|(s, x)| *s += *x)),
@@ -40,7 +40,7 @@ pub(super) fn add_column_sums<T: Real>(sums: &mut [T], x: &[T]) {
 }
 
 /// Negative numbers become zero.
-pub(super) fn relu<T: Real>(x: &mut [T]) {
+pub(crate) fn relu<T: Real>(x: &mut [T]) {
     let zero = T::from_f64(0.0);
     vectorized(
         #[inline(always)]
@@ -49,7 +49,7 @@ pub(super) fn relu<T: Real>(x: &mut [T]) {
 }
 
 /// Gradients pass where the result was positive.
-pub(super) fn relu_backward<T: Real>(gradient: &mut [T], result: &[T]) {
+pub(crate) fn relu_backward<T: Real>(gradient: &mut [T], result: &[T]) {
     let zero = T::from_f64(0.0);
     vectorized(
         #[inline(always)]
@@ -353,7 +353,7 @@ impl<T: Real> Messages<T> {
 }
 
 /// `x W` for rows of `inputs` numbers.
-pub(super) fn linear<T: Real>(x: &[T], inputs: usize, weights: &[T]) -> Vec<T> {
+pub(crate) fn linear<T: Real>(x: &[T], inputs: usize, weights: &[T]) -> Vec<T> {
     let outputs = weights.len() / inputs;
     let mut y = zeros(x.len() / inputs * outputs);
     product(&mut y, matrix(x, inputs), matrix(weights, outputs));
@@ -361,17 +361,17 @@ pub(super) fn linear<T: Real>(x: &[T], inputs: usize, weights: &[T]) -> Vec<T> {
 }
 
 /// `y += x W`.
-pub(super) fn add_linear<T: Real>(y: &mut [T], x: &[T], inputs: usize, weights: &[T]) {
+pub(crate) fn add_linear<T: Real>(y: &mut [T], x: &[T], inputs: usize, weights: &[T]) {
     add_product(y, matrix(x, inputs), matrix(weights, weights.len() / inputs));
 }
 
 /// `gradient += xᵀ dy`, the gradient of W in `x W`.
-pub(super) fn add_weight_gradient<T: Real>(gradient: &mut [T], x: &[T], inputs: usize, dy: &[T]) {
+pub(crate) fn add_weight_gradient<T: Real>(gradient: &mut [T], x: &[T], inputs: usize, dy: &[T]) {
     add_product(gradient, matrix(x, inputs).transpose(), matrix(dy, gradient.len() / inputs));
 }
 
 /// `dy Wᵀ`, the gradient of x in `x W`.
-pub(super) fn input_gradient<T: Real>(dy: &[T], inputs: usize, weights: &[T]) -> Vec<T> {
+pub(crate) fn input_gradient<T: Real>(dy: &[T], inputs: usize, weights: &[T]) -> Vec<T> {
     let weights: MatRef<'_, T> = matrix(weights, weights.len() / inputs);
     let mut dx = zeros(dy.len() / weights.ncols() * inputs);
     product(&mut dx, matrix(dy, weights.ncols()), weights.transpose());

@@ -2,7 +2,7 @@
 
 pub(crate) mod cloud;
 mod frame;
-mod layers;
+pub(crate) mod layers;
 pub(crate) mod layout;
 pub(crate) mod model;
 pub(crate) mod network;

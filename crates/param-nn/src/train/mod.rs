@@ -1,7 +1,9 @@
 //! Training on fresh clouds, one a step.
 
-mod adamw;
+mod comparison;
 mod data;
+mod gridded;
+mod optimizer;
 mod validation;
 
 use std::collections::BTreeMap;
@@ -11,7 +13,10 @@ use std::sync::Arc;
 use candle_core::{Device, Tensor, Var};
 use rand::RngExt;
 
-use self::adamw::AdamW;
+pub use self::comparison::Comparison;
+pub use self::gridded::{GridScore, GridTrainOptions, GridTrainer, GridValidation};
+use self::optimizer::Optimizer;
+pub use self::optimizer::Recipe;
 pub use self::validation::{Score, Validation};
 use crate::archive::Archive;
 use crate::bidgcn::Bidgcn;
@@ -58,7 +63,7 @@ pub struct Trainer {
     layout: Arc<Layout>,
     theta: Vec<f32>,
     average: Vec<f32>,
-    optimizer: AdamW,
+    optimizer: Optimizer,
 }
 
 /// What a step met.
@@ -91,12 +96,18 @@ pub(crate) fn initial_weights(layout: &Layout, seed: u64) -> Vec<f32> {
     theta
 }
 
+/// The learning rate: a linear warm-up, then half a cosine down to a small share of the peak.
+fn cosine_rate(peak: f64, step: u64, progress: f64) -> f64 {
+    let cosine = LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + (PI * progress).cos());
+    peak * cosine * (((step + 1) as f64) / RATE_WARM_UP).min(1.0)
+}
+
 impl Trainer {
     /// A run from its start.
     pub fn new(options: TrainOptions) -> Self {
         let layout = Arc::new(Layout::new(options.variant));
         let theta = initial_weights(&layout, options.seed);
-        let optimizer = AdamW::new(theta.len());
+        let optimizer = Optimizer::new(Recipe::AdamW, theta.len());
         Self { options, layout, average: theta.clone(), theta, optimizer }
     }
 
@@ -151,8 +162,7 @@ impl Trainer {
         if !(mse.is_finite() && gradient.iter().all(|g| g.is_finite())) {
             return Err(NnError::Training { step, reason: "loss or gradient is not finite; lower the rate".into() });
         }
-        let cosine = LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + (PI * progress).cos());
-        let rate = self.options.rate * cosine * (((step + 1) as f64) / RATE_WARM_UP).min(1.0);
+        let rate = cosine_rate(self.options.rate, step, progress);
         let norm = self.optimizer.step(&mut self.theta, &gradient, rate);
         let horizon = AVERAGE_HORIZON.min(1.0 + 0.1 * step as f64);
         let weight = (1.0 / horizon) as f32;
@@ -219,7 +229,8 @@ impl Trainer {
             rate: real("rate")?,
             seed: need("seed")?,
         };
-        let optimizer = AdamW {
+        let optimizer = Optimizer {
+            recipe: Recipe::AdamW,
             first: tensor("train.first_moment")?,
             second: tensor("train.second_moment")?,
             steps: need("steps_done")?,

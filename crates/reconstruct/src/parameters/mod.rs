@@ -1,6 +1,7 @@
 //! Parameters for the points of a scan.
 
 mod boundary;
+mod closed;
 mod cloud;
 mod large;
 mod mesh;
@@ -10,12 +11,12 @@ use std::time::Instant;
 
 use geom_io::{Format, Scan, read_scan};
 use ndarray::{Array2, ArrayView1, Axis};
-use param_classic::{map_quality, parameterize_grid};
+use param_classic::map_quality;
 use point_cloud::{Duplicates, check_surface_cloud};
 
 pub use self::quality::{HoleReport, ParameterReport, Stretch, VoidReport};
 use crate::clean::{Cleaned, clean};
-use crate::parameter_options::{Domain, ParameterChoice, SideRule};
+use crate::parameter_options::{Closed, Domain, ParameterChoice, SideRule};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Fewest points of a surface: four control points of the smallest bilinear one.
@@ -94,7 +95,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     }
     check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let read = scan.cloud.points.nrows();
-    let Cleaned { scan, rows, found } = clean(scan, options, watch)?;
+    let Cleaned { scan, rows, found, .. } = clean(scan, options, watch)?;
     check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let mut warnings = scan.notes.clone();
     warnings.extend(found.warnings(&options.clean));
@@ -104,7 +105,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     warnings.extend(layout.warnings.iter().cloned());
     let _ = watch(Event::Step("measuring the parameters"));
     let in_file = |i: u32| rows[layout.rows[i as usize] as usize];
-    let mut report = quality::measure(&layout, options.domain)?;
+    let mut report = quality::measure(&layout, options.domain, options.closed)?;
     report.corners = layout.corners.map(|corners| corners.map(in_file));
     report.left_out = read - layout.rows.len();
     report.outliers = found.outliers;
@@ -127,7 +128,8 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
     let missing = |needed, hint| Error::NoParameters { asked: options.param.to_string(), needed, hint };
     match (choice, scan.triangles.is_some(), scan.cloud.grid) {
         (ParameterChoice::Given, ..) => {
-            let parameters = scan.cloud.parameters.ok_or_else(|| missing("parameters u, v in the file", ""))?;
+            let mut parameters = scan.cloud.parameters.ok_or_else(|| missing("parameters u, v in the file", ""))?;
+            closed::wrap(&mut parameters, options.closed.directions());
             check_domain(&parameters, options.domain)?;
             let is_height_field = scan.format == Format::EsriGrid || options.read.height_field;
             let layout = as_they_are(scan.cloud.points, parameters, scan.triangles, "given", Vec::new());
@@ -140,15 +142,27 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
                 ParameterChoice::Centripetal => (SideRule::Centripetal, "centripetal"),
                 _ => (SideRule::Chord, "chord"),
             };
-            let (parameters, report) = parameterize_grid(scan.cloud.points.view(), grid, rule.rule())?;
-            let skipped = [(report.skipped_u, 'u'), (report.skipped_v, 'v')];
-            let warnings = skipped
+            let found = closed::parameterize(scan.cloud.points.view(), grid, rule.rule(), options.closed.directions())?;
+            let skipped = [(found.report.skipped_u, 'u'), (found.report.skipped_v, 'v')];
+            let single = skipped
                 .into_iter()
                 .filter(|(lines, _)| *lines > 0)
                 .map(|(lines, direction)| format!("{lines} grid lines along {direction} are single points"));
-            let warnings = warnings.collect();
-            Ok(as_they_are(scan.cloud.points, parameters, scan.triangles, name, warnings))
+            let repeated =
+                ['u', 'v'].into_iter().zip(found.repeated).filter(|(_, repeated)| *repeated).map(|(direction, _)| {
+                    format!("the last point of the grid lines along {direction} is their first one")
+                });
+            let warnings: Vec<String> = single.chain(repeated).collect();
+            if found.kept.len() == scan.cloud.points.nrows() {
+                return Ok(as_they_are(scan.cloud.points, found.parameters, scan.triangles, name, warnings));
+            }
+            // Triangles would name points that are left out.
+            let points = scan.cloud.points.select(Axis(0), &found.kept);
+            let mut layout = as_they_are(points, found.parameters, None, name, warnings);
+            layout.rows = found.kept.iter().map(|&row| row as u32).collect();
+            Ok(layout)
         }
+        _ if options.closed != Closed::None => Err(Error::NotClosed { closed: options.closed.to_string() }),
         (ParameterChoice::MeanValue | ParameterChoice::Uniform, true, _) if given_boundary.is_none() => {
             mesh::lay_out_or_take_vertices(scan, rows, choice, options, watch)
         }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::{Layout, spread_over_square};
 use crate::Error;
 use crate::clean::Found;
-use crate::parameter_options::{Clean, Domain};
+use crate::parameter_options::{Clean, Closed, Domain};
 
 /// Points that voids and distances are measured on, evenly taken from all. Their triangulation takes a tenth of a second.
 const MEASURED: usize = 20_000;
@@ -93,7 +93,7 @@ pub struct VoidReport {
 }
 
 /// Measures a layout. What concerns rows of the file is left for the caller.
-pub(super) fn measure(layout: &Layout, domain: Domain) -> Result<ParameterReport, Error> {
+pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result<ParameterReport, Error> {
     let m = layout.rows.len();
     let step = m.div_ceil(MEASURED);
     let some: Vec<usize> = (0..m).step_by(step).collect();
@@ -104,8 +104,8 @@ pub(super) fn measure(layout: &Layout, domain: Domain) -> Result<ParameterReport
         spread_over_square(&mut parameters);
     }
     let mut spread = cloud_quality(points.view(), parameters.view())?;
-    if layout.is_height_field {
-        // Heights may be in another unit than places.
+    if layout.is_height_field || closed != Closed::None {
+        // Heights may be in another unit than places, and places next to the two sides of a seam are neighbours.
         spread.distance_correlation = None;
     }
     let map = map_quality(layout.points.view(), &layout.triangles, layout.parameters.view())?;

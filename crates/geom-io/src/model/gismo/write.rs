@@ -19,7 +19,8 @@ pub fn write_gismo(out: &mut dyn Write, model: &Model) -> io::Result<()> {
 }
 
 fn write_map<const D: usize>(out: &mut dyn Write, map: &SplineMap<D>, unit: LengthUnit) -> io::Result<()> {
-    let space = map.space();
+    let opened = map.opened().map_err(io::Error::other)?;
+    let (map, space) = (&opened, opened.space());
     let name = match space.kind() {
         Kind::Hb => "HBSpline",
         Kind::Thb => "THBSpline",

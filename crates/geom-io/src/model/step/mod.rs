@@ -9,9 +9,12 @@
 //! Both are exact: knot insertion and nothing else. Each face keeps the parameters of the model. A curve becomes a
 //! `B_SPLINE_CURVE_WITH_KNOTS` in a `GEOMETRIC_CURVE_SET`.
 //!
-//! Sides that collapse to a point get no edge, and their ends are one vertex. Opposite sides that coincide, as on a tube,
-//! stay two edges: the shell is open there. Knots of multiplicity above the degree, along which the map may jump, are
-//! refused.
+//! Sides that collapse to a point get no edge, and their ends are one vertex. Knots of multiplicity above the degree, along
+//! which the map may jump, are refused.
+//!
+//! In a periodic direction the shell closes: a face all round has an edge on the seam that its loop follows both ways, and
+//! of several faces the last shares that edge with the first. A shell without any boundary, of a torus, is a
+//! `CLOSED_SHELL`. Opposite sides of open directions stay two edges, even where they coincide.
 
 mod document;
 mod part21;
@@ -77,7 +80,7 @@ pub struct StepFile {
 
 enum Shape {
     Shell(Shell),
-    Curve(SplineMap<1, TensorSpace<1>>),
+    Curve { map: SplineMap<1, TensorSpace<1>>, closed: bool },
 }
 
 impl StepFile {
@@ -91,7 +94,10 @@ impl StepFile {
                 let tolerance = checked_tolerance(map)?;
                 (Shape::Shell(Shell::new(map, options.max_control_points, tolerance)?), tolerance)
             }
-            Geometry::Curve(map) => (Shape::Curve(map.tensor_product()?), checked_tolerance(map)?),
+            Geometry::Curve(map) => {
+                let closed = map.space().periodic()[0];
+                (Shape::Curve { map: map.tensor_product()?, closed }, checked_tolerance(map)?)
+            }
         };
         Ok(Self { shape, unit: model.unit, uncertainty, options: options.clone() })
     }
@@ -100,7 +106,7 @@ impl StepFile {
     pub fn n_faces(&self) -> usize {
         match &self.shape {
             Shape::Shell(shell) => shell.faces.len(),
-            Shape::Curve(_) => 0,
+            Shape::Curve { .. } => 0,
         }
     }
 
@@ -108,7 +114,7 @@ impl StepFile {
     pub fn n_control_points(&self) -> usize {
         match &self.shape {
             Shape::Shell(shell) => shell.faces.iter().map(|face| face.surface.space().n_functions()).sum(),
-            Shape::Curve(curve) => curve.space().n_functions(),
+            Shape::Curve { map, .. } => map.space().n_functions(),
         }
     }
 
@@ -123,10 +129,10 @@ impl StepFile {
         let context = document::context(file, self.unit, self.uncertainty)?;
         let (kind, item) = match &self.shape {
             Shape::Shell(shell) => ("MANIFOLD_SURFACE", write_shell(file, shell, self.options.flip)?),
-            Shape::Curve(map) => {
+            Shape::Curve { map, closed } => {
                 let knots = map.space().knots(0);
                 let points: Vec<[f64; 3]> = map.coefficients().outer_iter().map(in_space).collect();
-                let curve = write_curve(file, knots.degree(), knots.knots(), &points)?;
+                let curve = write_curve(file, knots.degree(), knots.knots(), &points, *closed)?;
                 ("GEOMETRICALLY_BOUNDED_WIREFRAME", file.entity(format_args!("GEOMETRIC_CURVE_SET('',({curve}))"))?)
             }
         };
@@ -185,7 +191,8 @@ fn write_shell(file: &mut Part21<'_>, shell: &Shell, flip: bool) -> io::Result<I
     for face in &shell.faces {
         faces.push(write_face(file, face, &edges, flip)?);
     }
-    let shell = file.entity(format_args!("OPEN_SHELL('',{})", list(faces)))?;
+    let kind = if shell.is_closed() { "CLOSED_SHELL" } else { "OPEN_SHELL" };
+    let shell = file.entity(format_args!("{kind}('',{})", list(faces)))?;
     file.entity(format_args!("SHELL_BASED_SURFACE_MODEL('',({shell}))"))
 }
 
@@ -195,12 +202,12 @@ fn write_vertex(file: &mut Part21<'_>, point: &[f64; 3]) -> io::Result<Id> {
 }
 
 fn write_edge(file: &mut Part21<'_>, edge: &Edge, ends: &[Id]) -> io::Result<Id> {
-    let curve = write_curve(file, edge.degree, &edge.knots, &edge.points)?;
+    let curve = write_curve(file, edge.degree, &edge.knots, &edge.points, edge.vertices[0] == edge.vertices[1])?;
     file.entity(format_args!("EDGE_CURVE('',{},{},{curve},.T.)", ends[0], ends[1]))
 }
 
 fn write_face(file: &mut Part21<'_>, face: &Face, edges: &[Option<Id>], flip: bool) -> io::Result<Id> {
-    let surface = write_surface(file, &face.surface)?;
+    let surface = write_surface(file, face)?;
     let mut oriented = Vec::with_capacity(face.boundary.len());
     for &(edge, forward) in &face.boundary {
         if let Some(edge) = edges[edge] {
@@ -225,15 +232,24 @@ fn write_points(file: &mut Part21<'_>, points: impl Iterator<Item = [f64; 3]>) -
     points.map(|point| file.point(&point)).collect()
 }
 
-fn write_curve(file: &mut Part21<'_>, degree: usize, knots: &[f64], points: &[[f64; 3]]) -> io::Result<Id> {
+fn write_curve(
+    file: &mut Part21<'_>,
+    degree: usize,
+    knots: &[f64],
+    points: &[[f64; 3]],
+    closed: bool,
+) -> io::Result<Id> {
+    let closed = logical(closed);
     let points = list(write_points(file, points.iter().copied())?);
     let (values, multiplicities) = with_multiplicities(knots);
     file.entity(format_args!(
-        "B_SPLINE_CURVE_WITH_KNOTS('',{degree},{points},.UNSPECIFIED.,.F.,.U.,{multiplicities},{values},.UNSPECIFIED.)"
+        "B_SPLINE_CURVE_WITH_KNOTS('',{degree},{points},.UNSPECIFIED.,{closed},.U.,{multiplicities},{values},.UNSPECIFIED.)"
     ))
 }
 
-fn write_surface(file: &mut Part21<'_>, map: &SplineMap<2, TensorSpace<2>>) -> io::Result<Id> {
+fn write_surface(file: &mut Part21<'_>, face: &Face) -> io::Result<Id> {
+    let map = &face.surface;
+    let [u_closed, v_closed] = face.closed.map(logical);
     let [u, v] = [map.space().knots(0), map.space().knots(1)];
     let points = write_points(file, map.coefficients().outer_iter().map(in_space))?;
     // STEP lists rows of constant u; our coefficients run along u first.
@@ -243,7 +259,7 @@ fn write_surface(file: &mut Part21<'_>, map: &SplineMap<2, TensorSpace<2>>) -> i
     let ((u_values, u_multiplicities), (v_values, v_multiplicities)) =
         (with_multiplicities(u.knots()), with_multiplicities(v.knots()));
     file.entity(format_args!(
-        "B_SPLINE_SURFACE_WITH_KNOTS('',{},{},{points},.UNSPECIFIED.,.F.,.F.,.U.,\
+        "B_SPLINE_SURFACE_WITH_KNOTS('',{},{},{points},.UNSPECIFIED.,{u_closed},{v_closed},.U.,\
          {u_multiplicities},{v_multiplicities},{u_values},{v_values},.UNSPECIFIED.)",
         u.degree(),
         v.degree()

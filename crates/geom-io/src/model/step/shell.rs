@@ -8,7 +8,7 @@ use thb_core::{CellSpace, HierarchicalSpace, SplineMap, TensorSpace};
 use super::partition::{GridBox, partition};
 use crate::model::ModelErrorKind;
 
-/// A connected open shell.
+/// A connected shell.
 pub(super) struct Shell {
     pub(super) faces: Vec<Face>,
     pub(super) edges: Vec<Edge>,
@@ -18,6 +18,8 @@ pub(super) struct Shell {
 /// A patch and its loop, counter-clockwise in the parameter plane.
 pub(super) struct Face {
     pub(super) surface: SplineMap<2, TensorSpace<2>>,
+    /// The directions in which the patch closes on itself. Its seam is an edge that the loop follows both ways.
+    pub(super) closed: [bool; 2],
     /// Edge numbers, and whether the loop follows the edge's own direction.
     pub(super) boundary: Vec<(usize, bool)>,
 }
@@ -44,7 +46,8 @@ impl Shell {
     ///
     /// Sides are cut at every corner that lies on them, so that neighbours share whole edges; an edge's curve comes from
     /// the map itself and is the same, to round-off, as the boundary of both patches. Edges no longer than `tolerance`
-    /// are left out and their ends become one vertex: a side may collapse to a point.
+    /// are left out and their ends become one vertex: a side may collapse to a point. At the seam of a periodic direction
+    /// the first and the last patch are neighbours, or one patch is its own neighbour.
     pub(super) fn new(map: &SplineMap<2>, limit: usize, tolerance: f64) -> Result<Self, ModelErrorKind> {
         let space = map.space();
         let (lower, upper) = space.domain();
@@ -60,11 +63,13 @@ impl Shell {
 
 struct Builder<'a> {
     map: &'a SplineMap<2>,
+    periodic: [bool; 2],
     grid: Corner,
     /// Parameters of the finest level's cell boundaries.
     breaks: [&'a [f64]; 2],
     vertex_of: BTreeMap<Corner, usize>,
-    /// For each direction: the corners on each line across it, by their position along the line.
+    /// For each direction: the corners on each line across it, by their position along the line. A seam is the line at 0,
+    /// but it is reached twice along lines across it, at 0 and at the end of the grid.
     on_line: [BTreeMap<u32, BTreeSet<u32>>; 2],
     edge_of: BTreeMap<(Corner, Corner), usize>,
 }
@@ -75,6 +80,7 @@ impl<'a> Builder<'a> {
         let finest = space.n_levels() - 1;
         let mut builder = Self {
             map,
+            periodic: space.periodic(),
             grid,
             breaks: [space.knots(finest, 0)?.breaks(), space.knots(finest, 1)?.breaks()],
             vertex_of: BTreeMap::new(),
@@ -82,12 +88,17 @@ impl<'a> Builder<'a> {
             edge_of: BTreeMap::new(),
         };
         for corner in boxes.iter().flat_map(corners) {
-            let next = builder.vertex_of.len();
-            builder.vertex_of.entry(corner).or_insert(next);
-            builder.on_line[0].entry(corner[0]).or_default().insert(corner[1]);
-            builder.on_line[1].entry(corner[1]).or_default().insert(corner[0]);
+            let (next, place) = (builder.vertex_of.len(), builder.place(corner));
+            builder.vertex_of.entry(place).or_insert(next);
+            builder.on_line[0].entry(place[0]).or_default().insert(corner[1]);
+            builder.on_line[1].entry(place[1]).or_default().insert(corner[0]);
         }
         Ok(builder)
+    }
+
+    /// A corner without regard to the side of a seam from which it is seen.
+    fn place(&self, corner: Corner) -> Corner {
+        std::array::from_fn(|d| if self.periodic[d] { corner[d] % self.grid[d] } else { corner[d] })
     }
 
     fn build(mut self, boxes: &[GridBox], tolerance: f64) -> Result<Shell, ModelErrorKind> {
@@ -123,7 +134,8 @@ impl<'a> Builder<'a> {
             if boundary.is_empty() {
                 return Err(ModelErrorKind::Degenerate { lower: lower.to_vec(), upper: upper.to_vec(), tolerance });
             }
-            faces.push(Face { surface: self.map.patch(lower, upper)?, boundary });
+            let closed = [0, 1].map(|d| self.periodic[d] && b.upper[d] - b.lower[d] == self.grid[d]);
+            faces.push(Face { surface: self.map.patch(lower, upper)?, closed, boundary });
         }
         Ok(Shell { faces, edges, vertices })
     }
@@ -134,6 +146,7 @@ impl<'a> Builder<'a> {
 
     /// A side, on the line where direction `d` is `at`, cut at the corners on it.
     fn pieces(&self, d: usize, at: u32, from: u32, to: u32) -> Vec<[Corner; 2]> {
+        let at = self.place([at; 2])[d];
         let along: Vec<u32> = self.on_line[d].get(&at).map_or(vec![], |line| line.range(from..=to).copied().collect());
         let corner = |position| if d == 0 { [at, position] } else { [position, at] };
         along.windows(2).map(|pair| [corner(pair[0]), corner(pair[1])]).collect()
@@ -146,7 +159,9 @@ impl<'a> Builder<'a> {
         }
         // The line as the side of a strip one finest cell wide, on the side of the line where it has fewer knots.
         let mut best: Option<Edge> = None;
-        for (outer, row) in [(start[d].checked_sub(1), 1), ((start[d] < self.grid[d]).then_some(start[d]), 0)] {
+        let before =
+            if self.periodic[d] && start[d] == 0 { self.grid[d].checked_sub(1) } else { start[d].checked_sub(1) };
+        for (outer, row) in [(before, 1), ((start[d] < self.grid[d]).then_some(start[d]), 0)] {
             let Some(outer) = outer else { continue };
             let (mut lower, mut upper) = (start, end);
             (lower[d], upper[d]) = (outer, outer + 1);
@@ -161,7 +176,7 @@ impl<'a> Builder<'a> {
                 if d == 0 { i * n_across + fixed } else { fixed * n + i }
             };
             best = Some(Edge {
-                vertices: [self.vertex_of[&start], self.vertex_of[&end]],
+                vertices: [start, end].map(|corner| self.vertex_of[&self.place(corner)]),
                 degree: knots.degree(),
                 knots: knots.knots().to_vec(),
                 points: (0..n).map(|i| in_space(strip.coefficients().row(function(i)))).collect(),
@@ -175,6 +190,15 @@ impl<'a> Builder<'a> {
 
 fn corners(b: &GridBox) -> [Corner; 4] {
     [b.lower, [b.upper[0], b.lower[1]], [b.lower[0], b.upper[1]], b.upper]
+}
+
+impl Shell {
+    /// Whether the shell has no boundary: each of its edges is used twice.
+    pub(super) fn is_closed(&self) -> bool {
+        let mut uses = vec![0; self.edges.len()];
+        self.faces.iter().flat_map(|face| &face.boundary).for_each(|(edge, _)| uses[*edge] += 1);
+        uses.iter().all(|&uses| uses == 0 || uses == 2)
+    }
 }
 
 impl Edge {

@@ -1,0 +1,272 @@
+//! Training of PARCNN on fresh batches.
+
+mod data;
+mod validation;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+pub use self::validation::{GridScore, GridValidation};
+use super::optimizer::{Optimizer, Recipe};
+use super::{AVERAGE_HORIZON, StepReport, cosine_rate};
+use crate::archive::Archive;
+use crate::error::NnError;
+use crate::parcnn::layout::{Architecture, Form, Layout};
+use crate::parcnn::model::Parcnn;
+use crate::parcnn::pass::{Pass, Task};
+use crate::synthetic::stream;
+
+/// Passes of the feedback form in a step; each is trained for itself, from the states that the one before left.
+const PASSES: usize = 3;
+
+/// The loss of an item is this power of its mean squared error: between the logarithm, which looks at easy items, and the
+/// error itself, which looks at the worst ones only.
+pub(super) const POWER: f64 = 0.6;
+
+/// Keeps the loss differentiable at exact fits; far below the errors that are of interest.
+pub(super) const FLOOR: f64 = 1e-9;
+
+/// Share of the run over which the distance from the true parameters fades out of the loss. It leads out of local minima
+/// of the error; the weight makes both parts of the loss alike at classical parameters.
+const SUPERVISED_SHARE: f64 = 0.3;
+const SUPERVISED_WEIGHT: f64 = 1.0;
+
+/// Share of the run at its end that has the lowest rate, so that one sees whether longer runs would do better.
+const FLAT_SHARE: f64 = 0.2;
+
+/// What to train.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridTrainOptions {
+    /// The network.
+    pub architecture: Architecture,
+    /// Steps of the whole run.
+    pub steps: u64,
+    /// Sequences or grids a step.
+    pub batch: usize,
+    /// Whether all sequences have the fewest points that tell a curve of their degree, 2d + 1, as for Table 4.1.
+    pub shortest: bool,
+    /// How weights move.
+    pub recipe: Recipe,
+    /// Largest learning rate.
+    pub rate: f64,
+    /// Seed of weights and batches.
+    pub seed: u64,
+}
+
+/// A training run.
+#[derive(Debug)]
+pub struct GridTrainer {
+    options: GridTrainOptions,
+    layout: Arc<Layout>,
+    theta: Vec<f32>,
+    average: Vec<f32>,
+    optimizer: Optimizer,
+}
+
+/// The loss of a state and its derivatives by the parameters, for an item of a batch.
+fn loss(mse: f64, by_uv: Vec<[f64; 2]>, state: &[[f64; 2]], truth: Option<&[[f64; 2]]>, weight: f64) -> Vec<[f64; 2]> {
+    let factor = POWER * (mse + FLOOR).powf(POWER - 1.0);
+    let mut given: Vec<[f64; 2]> = by_uv.into_iter().map(|g| g.map(|x| factor * x)).collect();
+    if let Some(truth) = truth.filter(|_| weight > 0.0) {
+        let scale = 2.0 * weight / truth.len() as f64;
+        for ((g, uv), t) in given.iter_mut().zip(state).zip(truth) {
+            (0..2).for_each(|k| g[k] += scale * (uv[k] - t[k]));
+        }
+    }
+    given
+}
+
+impl GridTrainer {
+    /// A run from its start.
+    pub fn new(options: GridTrainOptions) -> Self {
+        let layout = Arc::new(Layout::new(options.architecture));
+        let theta = layout.initial_weights(options.seed);
+        let optimizer = Optimizer::new(options.recipe, theta.len());
+        Self { options, layout, average: theta.clone(), theta, optimizer }
+    }
+
+    /// Steps done.
+    pub fn step_count(&self) -> u64 {
+        self.optimizer.steps
+    }
+
+    /// Options of the run.
+    pub fn options(&self) -> &GridTrainOptions {
+        &self.options
+    }
+
+    /// Makes the run shorter or longer: the rate goes on along the curve of the new length.
+    pub fn set_steps(&mut self, steps: u64) {
+        self.options.steps = steps;
+    }
+
+    /// Share of the steps so far whose gradient was shortened.
+    pub fn clipped_share(&self) -> f64 {
+        self.optimizer.clipped as f64 / self.optimizer.steps.max(1) as f64
+    }
+
+    /// One step on a fresh batch.
+    ///
+    /// # Errors
+    /// [`NnError::Training`].
+    pub fn step(&mut self) -> Result<StepReport, NnError> {
+        let step = self.optimizer.steps;
+        let progress = step as f64 / self.options.steps.max(1) as f64;
+        let supervised = SUPERVISED_WEIGHT * (1.0 - progress / SUPERVISED_SHARE).max(0.0);
+        let GridTrainOptions { architecture, batch, seed, shortest, recipe, .. } = self.options;
+        let (tasks, truths): (Vec<Task>, Vec<_>) = data::draw(architecture, batch, shortest, &mut stream(seed, step))
+            .into_iter()
+            .map(|e| (e.task, e.truth))
+            .unzip();
+        let mut states: Vec<_> = tasks.iter().map(Task::classical_state).collect();
+        let passes = if matches!(architecture.form, Form::Feedback { .. }) { PASSES } else { 1 };
+        let mut gradient = vec![0.0f32; self.theta.len()];
+        let mut mse = 0.0;
+        for _ in 0..passes {
+            let pass = Pass::<f32>::new(&self.layout, &self.theta, &tasks, &states);
+            let given: Vec<Vec<[f64; 2]>> = pass
+                .states
+                .iter()
+                .zip(&truths)
+                .map(|(s, truth)| loss(s.fit.mse, s.fit.gradient(), &s.uv, truth.as_deref(), supervised))
+                .collect();
+            let part = pass.backward(&self.layout, &self.theta, &tasks, &given);
+            gradient.iter_mut().zip(part).for_each(|(g, p)| *g += p / batch as f32);
+            states = pass.states;
+            mse = states.iter().map(|s| s.fit.mse).sum::<f64>() / batch as f64;
+        }
+        if !(mse.is_finite() && gradient.iter().all(|g| g.is_finite())) {
+            return Err(NnError::Training { step, reason: "loss or gradient is not finite; lower the rate".into() });
+        }
+        let rate = match recipe {
+            Recipe::AdamW => cosine_rate(self.options.rate, step, (progress / (1.0 - FLAT_SHARE)).min(1.0)),
+            Recipe::RmsProp => self.options.rate,
+        };
+        let norm = self.optimizer.step(&mut self.theta, &gradient, rate);
+        let horizon = AVERAGE_HORIZON.min(1.0 + 0.1 * step as f64);
+        let weight = (1.0 / horizon) as f32;
+        self.average.iter_mut().zip(&self.theta).for_each(|(a, t)| *a += weight * (t - *a));
+        Ok(StepReport { step, mse, rate, gradient: norm })
+    }
+
+    /// The network with averaged weights, and notes on how it came about.
+    pub fn network(&self, command: &str) -> Parcnn {
+        let GridTrainOptions { steps, batch, shortest, recipe, rate, seed, .. } = self.options;
+        let mut notes = BTreeMap::new();
+        for (name, value) in [
+            ("command", command.to_owned()),
+            ("seed", seed.to_string()),
+            ("rate", rate.to_string()),
+            ("batch", batch.to_string()),
+            ("shortest", shortest.to_string()),
+            ("recipe", recipe.name().to_owned()),
+            ("steps", steps.to_string()),
+            ("steps_done", self.optimizer.steps.to_string()),
+        ] {
+            notes.insert(name.to_owned(), value);
+        }
+        Parcnn { layout: self.layout.clone(), theta: self.average.clone(), notes }
+    }
+
+    /// All that is needed to go on: a weights file with further tensors.
+    pub fn checkpoint(&self, command: &str) -> Vec<u8> {
+        let mut archive = self.network(command).to_archive();
+        for (name, values) in [
+            ("train.weights", &self.theta),
+            ("train.first_moment", &self.optimizer.first),
+            ("train.second_moment", &self.optimizer.second),
+        ] {
+            archive.tensors.insert(name.into(), ([1, values.len()], values.clone()));
+        }
+        archive.metadata.insert("mean_norm".into(), self.optimizer.mean_norm.to_string());
+        archive.metadata.insert("clipped".into(), self.optimizer.clipped.to_string());
+        archive.to_bytes()
+    }
+
+    /// Goes on from a checkpoint, bit by bit as if never stopped.
+    ///
+    /// # Errors
+    /// [`NnError::DamagedWeights`], [`NnError::OtherWeights`] if the file is no checkpoint.
+    pub fn resume(bytes: &[u8]) -> Result<Self, NnError> {
+        let archive = Archive::from_bytes(bytes)?;
+        let network = Parcnn::of_archive(archive.clone())?;
+        let missing = |name: &str| NnError::OtherWeights {
+            what: "no training state",
+            found: name.to_owned(),
+            required: "a checkpoint, not a weights file",
+        };
+        fn number<T: std::str::FromStr>(archive: &Archive, name: &str) -> Option<T> {
+            archive.metadata.get(name)?.parse().ok()
+        }
+        let need = |name: &str| number::<u64>(&archive, name).ok_or_else(|| missing(name));
+        let real = |name: &str| number::<f64>(&archive, name).ok_or_else(|| missing(name));
+        let tensor = |name: &str| {
+            let found = archive.tensors.get(name).map(|(_, values)| values.clone());
+            found.filter(|values| values.len() == network.theta.len()).ok_or_else(|| missing(name))
+        };
+        let options = GridTrainOptions {
+            architecture: network.architecture(),
+            steps: need("steps")?,
+            batch: need("batch")? as usize,
+            shortest: number(&archive, "shortest").unwrap_or(false),
+            recipe: match archive.metadata.get("recipe").map(String::as_str) {
+                Some("rmsprop") => Recipe::RmsProp,
+                _ => Recipe::AdamW,
+            },
+            rate: real("rate")?,
+            seed: need("seed")?,
+        };
+        let optimizer = Optimizer {
+            recipe: options.recipe,
+            first: tensor("train.first_moment")?,
+            second: tensor("train.second_moment")?,
+            steps: need("steps_done")?,
+            mean_norm: real("mean_norm")?,
+            clipped: need("clipped")?,
+        };
+        Ok(Self { options, theta: tensor("train.weights")?, layout: network.layout, average: network.theta, optimizer })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parcnn::layout::SHIPPED_FORM;
+
+    fn options(dimension: usize, directions: usize) -> GridTrainOptions {
+        let architecture = Architecture { dimension, directions, form: SHIPPED_FORM };
+        GridTrainOptions {
+            architecture,
+            steps: 200,
+            batch: 4,
+            shortest: false,
+            recipe: Recipe::AdamW,
+            rate: 1e-3,
+            seed: 3,
+        }
+    }
+
+    #[test]
+    fn a_resumed_run_takes_the_same_steps() {
+        for directions in [1, 2] {
+            let mut trainer = GridTrainer::new(options(3, directions));
+            trainer.step().unwrap();
+            let mut resumed = GridTrainer::resume(&trainer.checkpoint("test")).unwrap();
+            assert_eq!(trainer.step().unwrap(), resumed.step().unwrap());
+            assert_eq!(trainer.checkpoint("test"), resumed.checkpoint("test"));
+        }
+    }
+
+    #[test]
+    fn training_beats_classical_parameters() {
+        let options = options(2, 1);
+        let validation = GridValidation::new(options.architecture, 1, 6).unwrap();
+        let mut trainer = GridTrainer::new(options);
+        for _ in 0..options.steps {
+            trainer.step().unwrap();
+        }
+        for score in validation.scores(&trainer.network("test")) {
+            assert!(score.mse < 0.7 * score.standard, "{score:?}");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Fixed sequences and grids on which networks are compared with classical parameters.
+
+use crate::error::NnError;
+use crate::gridded::{GriddedSpec, Shape};
+use crate::parcnn::SplineSpace;
+use crate::parcnn::grid::Grid;
+use crate::parcnn::layout::{Architecture, Form};
+use crate::parcnn::model::Parcnn;
+use crate::parcnn::pass::Task;
+use crate::synthetic::{normal, stream};
+
+/// Means over the items of a kind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GridScore {
+    /// Points, degree, noise.
+    pub kind: String,
+    /// Mean squared distance of the network's polynomial fit, all coordinates summed.
+    pub mse: f64,
+    /// The same at the best of uniform, centripetal and chord-length parameters, chosen for the kind.
+    pub standard: f64,
+}
+
+/// Fixed tasks, in kinds.
+#[derive(Clone, Debug)]
+pub struct GridValidation {
+    kinds: Vec<(String, Vec<Task>, f64)>,
+}
+
+const DEGREES: [usize; 4] = [2, 3, 4, 5];
+/// Standard deviation on each coordinate of the scaled points; half of it on surfaces.
+const NOISE: f64 = 1e-2;
+
+impl GridValidation {
+    /// `count` items of each kind that an architecture is for.
+    ///
+    /// # Errors
+    /// Those of the generator.
+    pub fn new(architecture: Architecture, seed: u64, count: u64) -> Result<Self, NnError> {
+        let degrees: Vec<usize> = match architecture.form {
+            Form::Published { degree, .. } => vec![degree],
+            Form::Feedback { .. } => DEGREES.to_vec(),
+        };
+        // Name, points as a function of the degree, degrees, noise.
+        type Kind = (String, fn(usize) -> [usize; 2], Vec<usize>, f64);
+        let kinds: Vec<Kind> = if architecture.directions == 1 {
+            vec![
+                ("2d+1".into(), |d| [2 * d + 1, 1], degrees.clone(), 0.0),
+                ("20".into(), |_| [20, 1], degrees.clone(), 0.0),
+                ("50".into(), |_| [50, 1], degrees.clone(), 0.0),
+                ("80".into(), |_| [80, 1], degrees.clone(), 0.0),
+                ("50 noise".into(), |_| [50, 1], degrees, NOISE),
+            ]
+        } else {
+            let mut kinds: Vec<Kind> =
+                degrees.iter().map(|&d| (format!("d={d}"), (|_| [12, 12]) as fn(usize) -> _, vec![d], 0.0)).collect();
+            kinds.push(("noise".into(), |_| [12, 12], degrees, NOISE / 2.0));
+            kinds
+        };
+        let mut validation = Self { kinds: Vec::new() };
+        for (k, (name, size, degrees, noise)) in kinds.into_iter().enumerate() {
+            let (mut tasks, mut standard) = (Vec::new(), 0.0);
+            for &degree in &degrees {
+                let shape = match architecture.directions {
+                    1 => Shape::Curve { degree, dimension: architecture.dimension },
+                    _ => Shape::Surface { degree },
+                };
+                let spec = GriddedSpec { shape, size: size(degree), noise: 0.0 };
+                let mut sums = [0.0; 3];
+                for index in 0..count {
+                    let item = (k * 8 + degree) as u64 * count + index;
+                    let mut random = stream(seed, item);
+                    let mut cloud = spec.sample(&mut random)?;
+                    if noise > 0.0 {
+                        cloud.points.iter_mut().for_each(|x| *x += noise * normal(&mut random));
+                    }
+                    let xyz = cloud.points.rows().into_iter();
+                    let xyz = xyz.map(|p| std::array::from_fn(|k| p.get(k).copied().unwrap_or(0.0))).collect();
+                    let grid = Grid { xyz, size: cloud.size, dimension: architecture.dimension };
+                    let task = Task::new(grid, SplineSpace::polynomials(degree));
+                    for (sum, power) in sums.iter_mut().zip([0.0, 0.5, 1.0]) {
+                        let steps = task.grid.classical_steps(power, true);
+                        *sum += task.grid.state(task.spaces, steps).fit.mse / (count as usize * degrees.len()) as f64;
+                    }
+                    tasks.push(task);
+                }
+                standard += sums.into_iter().fold(f64::INFINITY, f64::min);
+            }
+            validation.kinds.push((name, tasks, standard));
+        }
+        Ok(validation)
+    }
+
+    /// Scores of a network, one a kind.
+    pub fn scores(&self, network: &Parcnn) -> Vec<GridScore> {
+        let one = |(kind, tasks, standard): &(String, Vec<Task>, f64)| {
+            let sum: f64 = tasks.iter().map(|task| network.last_state(task).fit.mse).sum();
+            GridScore { kind: kind.clone(), mse: sum / tasks.len().max(1) as f64, standard: *standard }
+        };
+        self.kinds.iter().map(one).collect()
+    }
+}

@@ -1,0 +1,60 @@
+//! What stands between the tables.
+
+pub(super) const INTRODUCTION: &str = "\
+# Learned parameterization of sequences and grids
+
+    cargo xtask tables parcnn --data DIR --train 3000
+
+computes this page anew, from seed 41.
+
+MSE is the mean squared distance of the points to the polynomial of least squares at their parameters, the coordinates
+summed; points are scaled into the unit box by one common factor. STD is the best of uniform, centripetal and chord-length
+parameters on the average of a cell. 100 items a cell. \"Shipped\" is the network that comes with `param-nn`, one for all
+degrees and lengths; it is told the degree of the fit, as the published networks were trained for one degree each. The last
+column is the same network followed by two steps of the joint Levenberg–Marquardt method of `moving-param`; the papers have
+no such column. Factors are ours divided by the printed figure.
+";
+
+pub(super) const AFTER_TABLE_1: &str = "
+MAX is the largest distance at the parameters, HSD the largest distance of a point to the curve. The printed MAX of MLP, TRA,
+RES and CNN are below the roots of their MSE: they are squares, and their roots are shown.
+
+## Table 4.2
+
+";
+
+pub(super) const BEFORE_TABLE_3: &str = "
+## Table 4.3
+
+B-splines with 5 interior knots, inserted one by one in the middle of the interval with the largest error. Noise: standard
+deviation 1e-2 in each coordinate before the points are scaled. The network is told 6 uniform elements for trigonometric curves, one for
+noisy polynomials.
+";
+
+pub(super) const BEFORE_TABLE_4: &str = "
+## Table 4.4
+
+Grids of 12 × 12 points on random polynomial surfaces.
+";
+
+pub(super) const AFTER_TABLE_4: &str = "";
+
+pub(super) const BEFORE_TABLE_5: &str = "
+## Table 4.5
+
+GT are the parameters that the points were sampled at. Car and hull with 55 × 55 points are the authors' own; their smaller
+grids are not public, ours have 33 of the 55 lines in each direction. The wind turbine is not public; ours is the blade of the
+IEA 15 MW turbine, another shape, so only columns of ours can be compared in its rows.
+
+";
+
+pub(super) const AFTER_TABLE_5: &str = "
+Example 4.1.6 (g): the car with bicubic splines of 8 × 8 elements.
+
+";
+
+pub(super) const BEFORE_HULL: &str = "
+Example 5.2.2 (b): the hull, then A-PDM. The text states no settings; ours are degree 2, 4 × 4 elements at the start, λ = 1e-7,
+tolerance 5e-5, one correction a refinement.
+
+";
