@@ -121,7 +121,7 @@ pub(crate) struct FitArgs {
     #[command(flatten)]
     layout: LayoutArgs,
 
-    /// Fitting method: ls or qi (fixed parameters: one system for all control points, or a small local problem for each), or parameters that move together with the surface: a-pdm, a-tdm, a-hdm, a-qi (in
+    /// Fitting method: auto (as joint, or ls where that ends better), ls or qi (fixed parameters: one system for all control points, or a small local problem for each), or parameters that move together with the surface: a-pdm, a-tdm, a-hdm, a-qi (in
     /// turn), j-pdm, joint (at once).
     #[arg(long, default_value_t = FitOptions::default().method, help_heading = "What is fitted")]
     method: Method,
@@ -288,9 +288,9 @@ pub(crate) struct LayoutArgs {
     #[arg(long, value_name = "GRID", help_heading = "How it is cleaned")]
     mask: Option<PathBuf>,
 
-    /// Parameters: auto, given, chord, centripetal, uniform, mean-value, recd, lpsp. auto takes those of the file, else maps
+    /// Parameters: auto, given, chord, centripetal, parcnn, uniform, mean-value, recd, lpsp, bidgcn. auto takes those of the file, else maps
     /// the mesh with mean-value weights, else goes by chord length along the grid, else spans a mesh over the cloud. uniform,
-    /// recd and lpsp lay out a cloud by its boundary and weights of neighbours.
+    /// recd and lpsp lay out a cloud by its boundary and weights of neighbours. parcnn (grids) and bidgcn (clouds) are networks.
     #[arg(long, default_value_t = ParameterOptions::default().param, help_heading = "How it is laid out")]
     param: ParameterChoice,
     /// Parameter domain: unit (parameters of the file must lie between 0 and 1) or data (the box of the parameters; a fixed

@@ -154,7 +154,11 @@ pub fn box_sums<const D: usize>(
     boxes: &[PointBox<D>],
 ) -> Result<Vec<CellSums>, Error> {
     if let Some(outside) = boxes.iter().find(|b| b.points.start > b.points.end || b.points.end > points.len()) {
-        return Err(Error::Shape { what: "end of a range of points", given: outside.points.end, expected: points.len() });
+        return Err(Error::Shape {
+            what: "end of a range of points",
+            given: outside.points.end,
+            expected: points.len(),
+        });
     }
     let mut result = vec![CellSums::default(); boxes.len()];
     for (number, part) in sums(degree, Terms::of(points), boxes.iter().cloned().enumerate()) {

@@ -183,7 +183,11 @@ impl<const D: usize> SortedPoints<D> {
         let last = offsets.last().copied().unwrap_or(0);
         self.check_length("last offset of cells", last)?;
         if offsets.len() < 2 || offsets[0] != 0 || !offsets.is_sorted() {
-            return Err(Error::Shape { what: "increasing offsets of cells, from 0", given: 0, expected: offsets.len() });
+            return Err(Error::Shape {
+                what: "increasing offsets of cells, from 0",
+                given: 0,
+                expected: offsets.len(),
+            });
         }
         self.offsets = offsets;
         Ok(())

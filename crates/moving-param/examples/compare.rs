@@ -7,7 +7,8 @@
 //! `barrier` (on or off: against folding the Delaunay triangles of the parameters), `moves` (on to print what moved),
 //! `within` (share of the points that must be met); of quasi-interpolation `nmin`, `nloc` (0 for the usual ones), `density`,
 //! `splits` and `local` (constant, points or area: how the smoothing weight is scaled).
-//! Methods: `fixed`, `qi`, `a-qi:k`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ), `joint:steps:decrease:polish:emphasis`,
+//! Methods: `fixed`, `qi`, `a-qi:k`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ),
+//! `joint:steps:decrease:polish:emphasis:stiffness`,
 //! `j-pdm:a`, `j-pdm:b`, `j-pdm:η:K`.
 
 use std::collections::HashMap;
@@ -155,6 +156,7 @@ fn parse(name: &str) -> Result<Method, Failure> {
                 decrease: number(1, default.decrease)?,
                 polish: number(2, default.polish as f64)? as usize,
                 emphasis: number(3, default.emphasis as f64)? as usize,
+                stiffness: number(4, default.stiffness)?,
             })
         }
         "j-pdm" => Method::JointLbfgs(match parts[..] {

@@ -23,6 +23,9 @@ pub enum Error {
     /// No parameters could be found.
     #[error(transparent)]
     Parameterization(#[from] param_classic::ParamError),
+    /// A network cannot parameterize the points.
+    #[error(transparent)]
+    Network(#[from] param_nn::NnError),
     /// The fit failed.
     #[error(transparent)]
     Fit(#[from] fit_ls::Error),

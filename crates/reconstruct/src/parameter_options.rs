@@ -92,7 +92,7 @@ impl ParameterOptions {
 
 named!(
     /// Where parameters come from.
-    ParameterChoice, "auto, given, chord, centripetal, uniform, mean-value, recd or lpsp",
+    ParameterChoice, "auto, given, chord, centripetal, parcnn, uniform, mean-value, recd, lpsp or bidgcn",
     /// Given ones, else a mean-value map of the mesh, else chord length along the grid, else by the shape of the cloud.
     Auto = "auto",
     /// Those of the file.
@@ -101,6 +101,8 @@ named!(
     Chord = "chord",
     /// Square root of the chord length along the lines of a grid.
     Centripetal = "centripetal",
+    /// By a convolutional network along the lines of a grid (Imperatore 2024, §4.1).
+    Parcnn = "parcnn",
     /// Equidistant along the lines of a grid; for meshes the barycentric map with equal weights; for clouds UNIF
     /// (Imperatore 2024, §4.2.1).
     Uniform = "uniform",
@@ -109,7 +111,10 @@ named!(
     /// RECD: reciprocal distances in a neighbourhood (Imperatore 2024, §4.2.1).
     Recd = "recd",
     /// LPSP: shape-preserving weights by local projection (Imperatore 2024, §4.2.1).
-    Lpsp = "lpsp"
+    Lpsp = "lpsp",
+    /// By a graph network from the boundary and the interior points (Imperatore 2024, §4.3); clouds larger than it was trained
+    /// for through a subset.
+    Bidgcn = "bidgcn"
 );
 named!(
     /// The parameter domain.

@@ -139,6 +139,7 @@ pub fn document(data: Option<&Path>) -> Result<String> {
             for case in &CASES {
                 text += &tables_of(case, &Cloud::read(&folder.join(case.file), case.height_field)?)?;
             }
+            text += CONCLUSIONS;
         }
         None => text += "\nLeft out: `--data DIR` was not given.\n",
     }
@@ -379,5 +380,24 @@ half as in the other, whose heights over the holes are all met on the rims.
 
 ";
 
+const CONCLUSIONS: &str = "
+## What the tables say
+
+**A-QI against QI.** With ν = 1, where every method that reaches the tolerance has the same bound on MAX, one to three corrections
+save 29, 37 and 45 % of the control points on the sheet (the text has 15 % at three corrections on its tensile part), and 40, 60
+and 58 % on the blade (the text has about 70 %; with ν = 0.95 two corrections save 66 % here, but then nothing bounds MAX). On
+the head and on the terrain, a height field whose parameters are its x and y, they save 8 % at most. On the hull they save up to
+43 % (ν = 0.95), but *not* at the same MAX: a few foot points end in wrong places, as
+they do with A-PDM. For such shapes the joint method is the better choice.
+
+**QI against LS.** Least squares needs fewer control points everywhere: each of its coefficients sees all data, and it refines cells
+instead of whole supports. Quasi-interpolation takes about the same time here, where systems are small; its cost grows with the
+number of new functions only.
+";
+
 const AFTER_VOIDS: &str = "
+The smoothing weight does most of the work: with hardly any, least squares swings out over every hole by once to four times the
+range of the rim, and with enough of it both methods stay within 1 % on the generated clouds and the canopy. Lakes are
+harder. Their banks fall steeply towards the water, any smooth surface goes on falling, and the range of heights along the shore is
+small; no method here knows that lakes are flat. Cut such holes out instead.
 ";

@@ -1,7 +1,7 @@
 //! From raw clouds to parameters.
 
 use crate::lab::Lab;
-use crate::scans::{rows, scattered};
+use crate::scans::{gridded, rows, scattered};
 
 /// Rows of the points nearest to the corners of the square, in the order in which they become (0,0), (1,0), (1,1), (0,1).
 fn corner_rows(places: &[([f64; 2], bool)]) -> Vec<usize> {
@@ -163,4 +163,21 @@ fn outputs_of_parameters_are_checked_before_anything_is_read() {
         assert_eq!(run.code, code, "{arguments}: {run:?}");
     }
     assert_eq!(lab.files().len(), 1);
+}
+
+#[test]
+fn networks_parameterize_grids_and_clouds() {
+    let lab = Lab::with("grid.csv", gridded());
+    let learned = lab.prints_json("param grid.csv --param parcnn -o uv.csv");
+    assert_eq!(
+        (&learned["parameterization"]["method"], &learned["parameterization"]["folded"]),
+        (&"parcnn".into(), &0.into())
+    );
+    lab.put("raw.xyz", rows(&scattered(20, 500)));
+    let learned = lab.prints_json("param raw.xyz --param bidgcn -o uv.csv");
+    let quality = &learned["parameterization"];
+    assert_eq!((&quality["method"], &quality["left_out"]), (&"bidgcn".into(), &0.into()));
+    // Few of the triangles over the points turn over, and the parameters follow the surface.
+    assert!(quality["folded"].as_u64().unwrap() * 50 < quality["triangles"].as_u64().unwrap(), "{quality}");
+    lab.fails("param raw.xyz --param parcnn -o uv.csv", 1, &["grid order"]);
 }

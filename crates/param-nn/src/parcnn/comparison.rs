@@ -173,6 +173,13 @@ impl Weights<'_> {
         Ok(tensor)
     }
 
+    /// What is left after the next `count` tensors.
+    fn beyond(&self, count: usize) -> Self {
+        let mut tensors = self.tensors.clone();
+        let skipped = tensors.by_ref().take(count).map(|(shape, _)| shape.iter().product::<usize>());
+        Self { theta: self.theta, at: self.at + skipped.sum::<usize>(), tensors }
+    }
+
     /// Rows in, rows out.
     fn linear(&mut self, x: &Tensor) -> Result<Tensor> {
         let (weight, bias) = (self.take()?, self.take()?);
@@ -201,11 +208,8 @@ impl Weights<'_> {
     fn transformer(&mut self, edges: &Tensor, kernel: usize) -> Result<Tensor> {
         let (batch, count, _) = edges.dims3()?;
         let rows = batch * count;
-        // Normalizations stand behind all linear layers.
-        let after =
-            self.tensors.as_slice()[..8 * ENCODERS + 2].iter().map(|(shape, _)| shape.iter().product::<usize>());
-        let mut norms = Weights { theta: self.theta, at: after.sum(), tensors: self.tensors.clone() };
-        norms.tensors = self.tensors.as_slice()[8 * ENCODERS + 2..].to_vec().into_iter();
+        // Normalizations stand behind all linear layers: eight tensors an encoder, two of the convolution.
+        let mut norms = self.beyond(8 * ENCODERS + 2);
         let mut x = edges.reshape((rows, PLANE))?;
         for _ in 0..ENCODERS {
             let projected = self.linear(&x)?.reshape((batch, count, 3 * PLANE))?;
@@ -229,13 +233,8 @@ impl Weights<'_> {
     fn residual(&mut self, edges: &Tensor, kernel: usize) -> Result<Tensor> {
         let (batch, count, _) = edges.dims3()?;
         let rows = batch * count;
-        // Convolutions, skips and normalizations stand in this order.
-        let skip = |first: usize, tensors: &[Weight]| {
-            let before = tensors[..first].iter().map(|(shape, _)| shape.iter().product::<usize>()).sum();
-            Weights { theta: self.theta, at: before, tensors: tensors[first..].to_vec().into_iter() }
-        };
-        let tensors = self.tensors.as_slice().to_vec();
-        let (mut skips, mut norms) = (skip(6, &tensors), skip(10, &tensors));
+        // Three convolutions, two skips and the normalizations stand in this order.
+        let (mut skips, mut norms) = (self.beyond(6), self.beyond(10));
         let mut x = edges.clone();
         for block in 0..3 {
             let y = self.convolve(&x, kernel)?;

@@ -8,7 +8,7 @@ mod fit;
 pub(crate) mod grid;
 pub(crate) mod layout;
 pub(crate) mod model;
-mod network;
+pub(crate) mod network;
 pub(crate) mod pass;
 
 pub use comparison::ComparisonNetwork;

@@ -9,6 +9,7 @@ use point_cloud::check_finite;
 use super::fit::SplineSpace;
 use super::grid::{Grid, State, distance};
 use super::layout::{Architecture, Form, Layout};
+use super::network::Keep;
 use super::pass::{Pass, Task};
 use crate::archive::Archive;
 use crate::bezier::LARGEST_DEGREE;
@@ -45,7 +46,20 @@ const SPACE_SEQUENCES: &[u8] = include_bytes!("../../weights/parcnn-curve3.safet
 const GRIDS: &[u8] = include_bytes!("../../weights/parcnn-surface.safetensors");
 
 /// Parameters of a point sequence, shape `(m, N)` with N 2 or 3, by the network that comes with this crate: shape `(m)`. A
-/// missing space is [`SplineSpace::suggested`]; see [`Parcnn::predict_sequence`].
+/// missing space is [`SplineSpace::suggested`]; see [`Parcnn::predict_sequence`]. Reads the weights anew in every call; for
+/// many sequences, keep a [`Parcnn::embedded`].
+///
+/// ```
+/// use ndarray::Array2;
+/// use param_nn::{SplineSpace, sequence_parameters};
+///
+/// // Points on a parabola, the first ones close together.
+/// let t: Vec<f64> = (0..20).map(|k| (k as f64 / 19.0).powi(2)).collect();
+/// let points = Array2::from_shape_fn((20, 2), |(i, k)| [t[i], 1.0 - (2.0 * t[i] - 1.0).powi(2)][k]);
+/// let u = sequence_parameters(points.view(), Some(SplineSpace::polynomials(2)))?;
+/// assert!(u.iter().zip(&t).all(|(a, b)| (a - b).abs() < 0.01));
+/// # Ok::<(), param_nn::NnError>(())
+/// ```
 ///
 /// # Errors
 /// As [`Parcnn::predict_sequence`]; [`NnError::NoNetwork`] for N other than 2 and 3.
@@ -242,7 +256,8 @@ impl Parcnn {
     pub(crate) fn last_state(&self, task: &Task) -> State {
         let mut states = vec![task.classical_state()];
         for _ in 0..self.passes() {
-            states = Pass::<f32>::new(&self.layout, &self.theta, std::slice::from_ref(task), &states).states;
+            states =
+                Pass::<f32>::new(&self.layout, &self.theta, std::slice::from_ref(task), &states, Keep::Nothing).states;
         }
         states.swap_remove(0)
     }
@@ -259,7 +274,8 @@ impl Parcnn {
         let mut best = task.classical_state();
         let mut states = vec![best.clone()];
         for _ in 0..self.passes() {
-            states = Pass::<f32>::new(&self.layout, &self.theta, std::slice::from_ref(task), &states).states;
+            states =
+                Pass::<f32>::new(&self.layout, &self.theta, std::slice::from_ref(task), &states, Keep::Nothing).states;
             if states[0].fit.mse < best.fit.mse {
                 best = states[0].clone();
             }

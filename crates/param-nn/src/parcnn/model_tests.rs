@@ -207,3 +207,40 @@ fn the_smallest_inputs_are_parameterized() {
     let uv = grid_parameters(surface(2, [3, 3], 1).view(), None).unwrap();
     assert!(uv.iter().all(|x| (0.0..=1.0).contains(x)));
 }
+
+/// A wave whose points lie unevenly; in space it climbs.
+fn wave(dimension: usize) -> Array2<f64> {
+    Array2::from_shape_fn((12, dimension), |(i, k)| {
+        let t = (i as f64 / 11.0).powf(1.4);
+        [t, 0.3 * (5.0 * t).sin(), t * t][k]
+    })
+}
+
+/// Whoever replaces the weights replaces these numbers.
+#[test]
+fn embedded_networks_give_what_they_gave_when_they_were_shipped() {
+    let space = SplineSpace { degree: 3, elements: 2 };
+    let grid = Array3::from_shape_fn((5, 6, 3), |(i, j, k)| {
+        let (u, v) = ((i as f64 / 4.0).powf(1.3), (j as f64 / 5.0).powf(0.8));
+        [u, v, 0.4 * (2.0 * u + v).sin()][k]
+    });
+    let uv = grid_parameters(grid.view(), Some(SplineSpace::polynomials(2))).unwrap();
+    let plane = sequence_parameters(wave(2).view(), Some(space)).unwrap();
+    let solid = sequence_parameters(wave(3).view(), Some(space)).unwrap();
+    let given =
+        [plane[1], plane[6], plane[10], solid[1], solid[6], solid[10], uv[[1, 2, 0]], uv[[1, 2, 1]], uv[[3, 4, 1]]];
+    let shipped = [
+        0.043_582_3,
+        0.489_824_5,
+        0.893_188_0,
+        0.036_841_6,
+        0.480_212_5,
+        0.895_596_2,
+        0.159_289_1,
+        0.479_385_3,
+        0.836_987_5,
+    ];
+    for (a, b) in given.iter().zip(shipped) {
+        assert!((a - b).abs() < 1e-5, "{given:?}");
+    }
+}

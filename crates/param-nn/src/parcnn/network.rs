@@ -55,12 +55,29 @@ struct Layer<T> {
     across: Vec<T>,
 }
 
+/// Whether the forward pass keeps what the backward pass needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Keep {
+    Everything,
+    Nothing,
+}
+
 /// Output rows: one number each in the feedback form, D in the published one.
-pub(crate) fn forward<T: Real>(layout: &Layout, theta: &[T], input: Vec<T>, rows: Rows) -> (Vec<T>, Tape<T>) {
-    match layout.architecture.form {
+pub(crate) fn forward<T: Real>(
+    layout: &Layout,
+    theta: &[T],
+    input: Vec<T>,
+    rows: Rows,
+    keep: Keep,
+) -> (Vec<T>, Tape<T>) {
+    let (y, mut tape) = match layout.architecture.form {
         Form::Published { .. } => forward_published(layout, theta, input, rows),
-        Form::Feedback { .. } => forward_feedback(layout, theta, input, rows),
+        Form::Feedback { .. } => forward_feedback(layout, theta, input, rows, keep),
+    };
+    if keep == Keep::Nothing {
+        tape.layers.clear();
     }
+    (y, tape)
 }
 
 /// The gradient by all weights from that of the output.
@@ -102,7 +119,7 @@ fn backward_published<T: Real>(layout: &Layout, theta: &[T], tape: &Tape<T>, row
     gradient
 }
 
-fn forward_feedback<T: Real>(layout: &Layout, theta: &[T], input: Vec<T>, rows: Rows) -> (Vec<T>, Tape<T>) {
+fn forward_feedback<T: Real>(layout: &Layout, theta: &[T], input: Vec<T>, rows: Rows, keep: Keep) -> (Vec<T>, Tape<T>) {
     let mut layers = Vec::new();
     let (first, last) = (&layout.convolutions[0], &layout.convolutions[1]);
     let mut x = convolve(&input, first, theta);
@@ -120,7 +137,10 @@ fn forward_feedback<T: Real>(layout: &Layout, theta: &[T], input: Vec<T>, rows: 
         let result = gated(&sum);
         add_linear(&mut x, &result, width, &theta[block.second.clone()]);
         add_row(&mut x, &theta[block.second_bias.clone()]);
-        layers.push(Layer { columns, sum, result, along, across });
+        // PERF: large buffers that are given back at once are used again by the next block, while still in the cache.
+        if keep == Keep::Everything {
+            layers.push(Layer { columns, sum, result, along, across });
+        }
     }
     let result = gated(&x);
     let y = convolve(&result, last, theta);

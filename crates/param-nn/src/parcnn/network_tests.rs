@@ -16,11 +16,11 @@ fn check_gradient(architecture: Architecture, rows: Rows) {
     };
     let given: Vec<f64> = (0..rows.count() * outputs).map(|_| normal(&mut random)).collect();
     let value = |theta: &[f64]| -> f64 {
-        let y = forward(&layout, theta, input.clone(), rows).0;
+        let y = forward(&layout, theta, input.clone(), rows, Keep::Everything).0;
         assert_eq!(y.len(), given.len());
         y.iter().zip(&given).map(|(y, g)| y * g).sum()
     };
-    let tape = forward(&layout, &theta, input.clone(), rows).1;
+    let tape = forward(&layout, &theta, input.clone(), rows, Keep::Everything).1;
     let gradient = backward(&layout, &theta, &tape, rows, &given);
     for slot in layout.slots() {
         // One direction in each tensor, so that no tensor hides behind another.
@@ -62,9 +62,9 @@ fn groups_do_not_see_each_other() {
     let (one, two) = (Rows { groups: 1, lines: 4, places: 9 }, Rows { groups: 2, lines: 4, places: 9 });
     let inputs = layout.convolutions[0].inputs;
     let input: Vec<f64> = (0..two.count() * inputs).map(|_| normal(&mut random)).collect();
-    let together = forward(&layout, &theta, input.clone(), two).0;
+    let together = forward(&layout, &theta, input.clone(), two, Keep::Everything).0;
     for (part, y) in input.chunks_exact(one.count() * inputs).zip(together.chunks_exact(one.count())) {
-        let alone = forward(&layout, &theta, part.to_vec(), one).0;
+        let alone = forward(&layout, &theta, part.to_vec(), one, Keep::Nothing).0;
         assert!(alone.iter().zip(y).all(|(a, b)| (a - b).abs() < 1e-12));
     }
 }

@@ -4,7 +4,7 @@ use super::features;
 use super::fit::SplineSpace;
 use super::grid::{Grid, State};
 use super::layout::{Form, Layout};
-use super::network::{Rows, Tape, backward, forward};
+use super::network::{Keep, Rows, Tape, backward, forward};
 use crate::real::Real;
 
 /// A grid and the splines that its parameters are for.
@@ -43,43 +43,48 @@ pub(crate) struct Pass<T> {
 
 impl<T: Real> Pass<T> {
     /// Corrects the parameters of all tasks, which have equal sizes. The published form does not read the states.
-    pub(crate) fn new(layout: &Layout, theta: &[T], tasks: &[Task], states: &[State]) -> Self {
+    pub(crate) fn new(layout: &Layout, theta: &[T], tasks: &[Task], states: &[State], keep: Keep) -> Self {
         match layout.architecture.form {
-            Form::Feedback { .. } => Self::feedback(layout, theta, tasks, states),
-            Form::Published { .. } => Self::published(layout, theta, tasks),
+            Form::Feedback { .. } => Self::feedback(layout, theta, tasks, states, keep),
+            Form::Published { .. } => Self::published(layout, theta, tasks, keep),
         }
     }
 
-    fn feedback(layout: &Layout, theta: &[T], tasks: &[Task], states: &[State]) -> Self {
-        let directions = layout.architecture.directions;
+    fn feedback(layout: &Layout, theta: &[T], tasks: &[Task], states: &[State], keep: Keep) -> Self {
         let responses: Vec<f64> = tasks.iter().zip(states).map(|(t, s)| features::response(&t.grid, s)).collect();
-        let mut runs = Vec::new();
-        let mut steps: Vec<Vec<Vec<f64>>> = vec![Vec::new(); tasks.len()];
-        for direction in 0..directions {
+        let along = |direction: usize| {
             let [lines, places] = tasks[0].grid.lines(direction);
             let rows = Rows { groups: tasks.len(), lines, places: places - 1 };
             let mut input = Vec::new();
             for (task, state) in tasks.iter().zip(states) {
                 features::append(&mut input, &task.grid, task.spaces, state, direction);
             }
-            let (output, tape) = forward(layout, theta, input, rows);
-            let per_task = lines * (places - 1);
-            for (k, (state, y)) in states.iter().zip(output.chunks_exact(per_task)).enumerate() {
+            let (output, tape) = forward(layout, theta, input, rows, keep);
+            Run { rows, tape, output }
+        };
+        let runs = match layout.architecture.directions {
+            1 => vec![along(0)],
+            _ => <[Run<T>; 2]>::from(rayon::join(|| along(0), || along(1))).into(),
+        };
+        let mut new_states = Vec::with_capacity(tasks.len());
+        for (k, (task, state)) in tasks.iter().zip(states).enumerate() {
+            let steps = runs.iter().enumerate().map(|(direction, run)| {
+                let per_task = run.output.len() / tasks.len();
+                let output = &run.output[k * per_task..(k + 1) * per_task];
+                let edges = run.rows.places;
                 let mut new = Vec::with_capacity(per_task);
-                for (old, y) in state.steps[direction].chunks_exact(places - 1).zip(y.chunks_exact(places - 1)) {
-                    let logits =
-                        old.iter().zip(y).map(|(s, y)| s.max(f64::MIN_POSITIVE).ln() + responses[k] * y.to_f64());
-                    new.extend(softmax(logits.collect()));
+                for (old, y) in state.steps[direction].chunks_exact(edges).zip(output.chunks_exact(edges)) {
+                    let logit = |(s, y): (&f64, &T)| s.max(f64::MIN_POSITIVE).ln() + responses[k] * y.to_f64();
+                    new.extend(softmax(old.iter().zip(y).map(logit).collect()));
                 }
-                steps[k].push(new);
-            }
-            runs.push(Run { rows, tape, output });
+                new
+            });
+            new_states.push(task.grid.state(task.spaces, steps.collect()));
         }
-        let states = tasks.iter().zip(steps).map(|(t, s)| t.grid.state(t.spaces, s)).collect();
-        Self { runs, responses, states }
+        Self { runs, responses, states: new_states }
     }
 
-    fn published(layout: &Layout, theta: &[T], tasks: &[Task]) -> Self {
+    fn published(layout: &Layout, theta: &[T], tasks: &[Task], keep: Keep) -> Self {
         let directions = layout.architecture.directions;
         let [places, lines] = tasks[0].grid.size;
         // Rows along the second direction of a grid run first; a sequence is one line along its only direction.
@@ -89,7 +94,7 @@ impl<T: Real> Pass<T> {
         };
         let mut input = Vec::new();
         tasks.iter().for_each(|task| append_edges(&mut input, &task.grid));
-        let (output, tape) = forward(layout, theta, input, rows);
+        let (output, tape) = forward(layout, theta, input, rows, keep);
         let per_task = rows.lines * rows.places * directions;
         let mut states = Vec::new();
         for (task, y) in tasks.iter().zip(output.chunks_exact(per_task)) {
@@ -178,4 +183,52 @@ fn softmax(mut logits: Vec<f64>) -> Vec<f64> {
     let sum: f64 = logits.iter().sum();
     logits.iter_mut().for_each(|x| *x /= sum);
     logits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gridded::{GriddedSpec, Shape};
+    use crate::parcnn::layout::Architecture;
+    use crate::synthetic::{normal, stream};
+
+    /// The whole chain in double precision: weights, logits, softmax, sums, parameters, least squares, error.
+    fn check(architecture: Architecture, shape: Shape, size: [usize; 2], space: SplineSpace) {
+        let layout = Layout::new(architecture);
+        let mut random = stream(7, 0);
+        let theta: Vec<f64> = (0..layout.len()).map(|_| 0.1 * normal(&mut random)).collect();
+        let task = |index| {
+            let cloud = GriddedSpec { shape, size, noise: 0.02 }.sample(&mut stream(8, index)).unwrap();
+            let xyz = cloud.points.rows().into_iter();
+            let xyz = xyz.map(|p| std::array::from_fn(|k| p.get(k).copied().unwrap_or(0.0))).collect();
+            Task::new(Grid { xyz, size, dimension: architecture.dimension }, space)
+        };
+        let tasks = [task(0), task(1)];
+        let states: Vec<State> = tasks.iter().map(Task::classical_state).collect();
+        let loss = |theta: &[f64]| -> f64 {
+            let pass = Pass::new(&layout, theta, &tasks, &states, Keep::Nothing);
+            pass.states.iter().map(|s| s.fit.mse).sum()
+        };
+        let pass = Pass::new(&layout, &theta, &tasks, &states, Keep::Everything);
+        let given: Vec<Vec<[f64; 2]>> = pass.states.iter().map(|s| s.fit.gradient()).collect();
+        let gradient = pass.backward(&layout, &theta, &tasks, &given);
+        let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+        let moved = |h: f64| -> Vec<f64> { theta.iter().zip(&gradient).map(|(t, g)| t + h * g / norm).collect() };
+        let h = 1e-5;
+        let difference = (loss(&moved(h)) - loss(&moved(-h))) / (2.0 * h);
+        assert!(norm > 0.0 && (difference / norm - 1.0).abs() < 1e-6, "{architecture:?}: {difference} against {norm}");
+    }
+
+    #[test]
+    fn the_gradient_of_the_error_agrees_with_differences() {
+        let feedback = Form::Feedback { blocks: 2, width: 8 };
+        let published = Form::Published { degree: 2, blocks: 2, width: 8 };
+        let space = SplineSpace { degree: 3, elements: 2 };
+        for form in [feedback, published] {
+            let curve = Architecture { dimension: 2, directions: 1, form };
+            check(curve, Shape::Curve { degree: 4, dimension: 2 }, [13, 1], space);
+            let grid = Architecture { dimension: 3, directions: 2, form };
+            check(grid, Shape::Surface { degree: 4 }, [7, 8], SplineSpace::polynomials(2));
+        }
+    }
 }

@@ -8,6 +8,7 @@ use super::cosine_rate;
 use super::gridded::{FLOOR, POWER};
 use super::optimizer::{Optimizer, Recipe};
 use crate::error::NnError;
+use crate::gridded::scale_to_unit_box;
 use crate::parcnn::SplineSpace;
 use crate::parcnn::comparison::{ComparisonNetwork, SequenceError, edges, merge_windows, random_tasks};
 use crate::parcnn::grid::Grid;
@@ -56,8 +57,7 @@ impl Comparison {
         Ok(Self { network, degree, theta })
     }
 
-    /// Parameters of a plane sequence, shape `(m, 2)`, m ≥ 2d + 1, scaled into the unit box; longer ones are cut into
-    /// windows. Batch normalization takes the statistics of `reference`, random sequences of the kind trained on, and the
+    /// Parameters of a plane sequence, shape `(m, 2)`, m ≥ 2d + 1; longer ones are cut into windows. Batch normalization takes the statistics of `reference`, random sequences of the kind trained on, and the
     /// windows.
     ///
     /// # Errors
@@ -69,7 +69,12 @@ impl Comparison {
         }
         let xyz: Vec<[f64; 3]> = points.rows().into_iter().map(|p| [p[0], p[1], 0.0]).collect();
         let space = SplineSpace::polynomials(self.degree);
-        let task = |xyz: &[[f64; 3]]| Task::new(Grid { xyz: xyz.to_vec(), size: [width, 1], dimension: 2 }, space);
+        let task = |window: &[[f64; 3]]| {
+            // As large as what the network was trained on.
+            let mut xyz = window.to_vec();
+            scale_to_unit_box(&mut xyz);
+            Task::new(Grid { xyz, size: [width, 1], dimension: 2 }, space)
+        };
         let mut tasks: Vec<Task> = xyz.windows(width).map(task).collect();
         let count = tasks.len();
         if self.network == ComparisonNetwork::Residual {

@@ -1,12 +1,12 @@
 //! Maps of clouds without order.
 
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView2, Axis};
 use param_classic::{
     BoundaryParameters, CloudMap, CloudMapParams, CloudWeights, correct_shape, map_cloud, map_spanned, side_parameters,
 };
 use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
 
-use super::{Layout, mesh};
+use super::{Layout, mesh, network};
 use crate::parameter_options::ParameterChoice;
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
@@ -117,20 +117,16 @@ fn by_boundary(
         points: outer.clone(),
         parameters: side_parameters(outline.view(), positions, options.side_rule.rule())?,
     };
-    let (weights, method) = match choice {
-        ParameterChoice::Uniform => (CloudWeights::Uniform, "uniform"),
-        ParameterChoice::Recd => (CloudWeights::ReciprocalDistance { exponent: 1.0 }, "recd"),
-        _ => (CloudWeights::LocalProjection, "lpsp"),
+    let (mut parameters, mut method, warnings) = match choice {
+        ParameterChoice::Bidgcn => {
+            let _ = watch(Event::Step("asking the network"));
+            (network::of_cloud(points, &fixed)?, "bidgcn", Vec::new())
+        }
+        _ => {
+            let _ = watch(Event::Step("mapping the cloud"));
+            by_weights(points, &fixed, choice, options)?
+        }
     };
-    let _ = watch(Event::Step("mapping the cloud"));
-    let params = CloudMapParams { weights, radius: options.radius.0, ..CloudMapParams::default() };
-    let CloudMap { mut parameters, report } = map_cloud(points, &fixed, &params)?;
-    let mut warnings = Vec::new();
-    if report.growths > 0 {
-        let radius = report.radius.unwrap_or_default();
-        warnings.push(format!("the radius was grown to {radius:.4e} so that every point has a path to the boundary"));
-    }
-    let mut method = method;
     if choice == ParameterChoice::Auto {
         // Nothing is lost where the correction has no solution.
         if let Ok(corrected) = correct_shape(points, &fixed, parameters.view()) {
@@ -156,6 +152,28 @@ fn by_boundary(
         layout.triangles = triangles;
     }
     Ok(layout)
+}
+
+/// By weights of neighbours, with the name of the method and what to warn of.
+fn by_weights(
+    points: ArrayView2<'_, f64>,
+    fixed: &BoundaryParameters,
+    choice: ParameterChoice,
+    options: &ParameterOptions,
+) -> Result<(Array2<f64>, &'static str, Vec<String>), Error> {
+    let (weights, method) = match choice {
+        ParameterChoice::Uniform => (CloudWeights::Uniform, "uniform"),
+        ParameterChoice::Recd => (CloudWeights::ReciprocalDistance { exponent: 1.0 }, "recd"),
+        _ => (CloudWeights::LocalProjection, "lpsp"),
+    };
+    let params = CloudMapParams { weights, radius: options.radius.0, ..CloudMapParams::default() };
+    let CloudMap { parameters, report } = map_cloud(points, fixed, &params)?;
+    let mut warnings = Vec::new();
+    if report.growths > 0 {
+        let radius = report.radius.unwrap_or_default();
+        warnings.push(format!("the radius was grown to {radius:.4e} so that every point has a path to the boundary"));
+    }
+    Ok((parameters, method, warnings))
 }
 
 fn places(rows: &[u32]) -> Vec<usize> {

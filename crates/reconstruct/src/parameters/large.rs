@@ -11,7 +11,7 @@ use point_cloud::spread_subset;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 
 use super::cloud::{self, Cloud, STRAY};
-use super::{Layout, spread_over_square};
+use super::{Layout, network, spread_over_square};
 use crate::parameter_options::ParameterChoice;
 use crate::{Error, Event, ParameterOptions, Watch};
 
@@ -39,11 +39,15 @@ pub(super) fn lay_out(
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
     let m = cloud.points.nrows();
-    if m <= AT_ONCE * options.subset {
+    let (subset, at_once) = match choice {
+        ParameterChoice::Bidgcn => (options.subset.min(network::LARGEST), network::LARGEST),
+        _ => (options.subset, AT_ONCE * options.subset),
+    };
+    if m <= at_once {
         return cloud::lay_out(cloud, choice, options, watch);
     }
     let _ = watch(Event::Step("choosing a well-spread subset"));
-    let mut kept = spread_subset(cloud.points.view(), options.subset)?;
+    let mut kept = spread_subset(cloud.points.view(), subset)?;
     kept.extend(cloud.boundary.iter().flatten().chain(cloud.corners.iter().flatten()));
     kept.sort_unstable();
     kept.dedup();

@@ -5,6 +5,7 @@ mod closed;
 mod cloud;
 mod large;
 mod mesh;
+mod network;
 mod quality;
 
 use std::time::Instant;
@@ -134,6 +135,11 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
             let is_height_field = scan.format == Format::EsriGrid || options.read.height_field;
             let layout = as_they_are(scan.cloud.points, parameters, scan.triangles, "given", Vec::new());
             Ok(Layout { is_height_field, ..layout })
+        }
+        (ParameterChoice::Parcnn, ..) if options.closed == Closed::None => {
+            let grid = scan.cloud.grid.ok_or_else(|| missing("grid order (columns i, j)", CLOUD_HINT))?;
+            let parameters = network::of_grid(scan.cloud.points.view(), grid)?;
+            Ok(as_they_are(scan.cloud.points, parameters, scan.triangles, "parcnn", Vec::new()))
         }
         (ParameterChoice::Chord | ParameterChoice::Centripetal, ..) | (ParameterChoice::Uniform, false, Some(_)) => {
             let grid = scan.cloud.grid.ok_or_else(|| missing("grid order (columns i, j)", CLOUD_HINT))?;

@@ -3,7 +3,7 @@
 pub(super) const INTRODUCTION: &str = "\
 # Learned parameterization of sequences and grids
 
-    cargo xtask tables parcnn --data DIR --train 3000
+    cargo xtask tables parcnn --data DIR --train 2000
 
 computes this page anew, from seed 41.
 
@@ -19,7 +19,14 @@ pub(super) const AFTER_TABLE_1: &str = "
 MAX is the largest distance at the parameters, HSD the largest distance of a point to the curve. The printed MAX of MLP, TRA,
 RES and CNN are below the roots of their MSE: they are squares, and their roots are shown.
 
+STD: all MSE agree with the printed ones within a factor 1.6. The compared networks got so few steps that all were still improving: RES
+reaches its printed errors, the others do not. With 6000 steps MLP, PPN and CNN have a fifth to two fifths of these errors, RES half. The printed TRA are the errors of uniform parameters on our items (1.57e-2,
+1.02e-2, 6.5e-3, 4.8e-3): layer normalization of two numbers leaves their order only, and the transformer learns nothing. The shipped
+network is below the printed CNN and below STD in every row.
+
 ## Table 4.2
+
+PPN, ours: windows of 2d + 1 points, one edge apart, moved together in logarithms and averaged; the text does not say how it merges.
 
 ";
 
@@ -27,8 +34,10 @@ pub(super) const BEFORE_TABLE_3: &str = "
 ## Table 4.3
 
 B-splines with 5 interior knots, inserted one by one in the middle of the interval with the largest error. Noise: standard
-deviation 1e-2 in each coordinate before the points are scaled. The network is told 6 uniform elements for trigonometric curves, one for
-noisy polynomials.
+deviation 1e-2 in each coordinate before the points are scaled. The
+network is told 6 uniform elements for trigonometric curves, one for noisy polynomials. The text does not say how far trigonometric curves
+run; ours run through one radian of their lowest frequency. Over whole periods STD has a hundred times the printed errors, and even
+so the printed errors of low degrees are larger than ours, those of high degrees smaller: these are not the same curves.
 ";
 
 pub(super) const BEFORE_TABLE_4: &str = "
@@ -37,7 +46,11 @@ pub(super) const BEFORE_TABLE_4: &str = "
 Grids of 12 × 12 points on random polynomial surfaces.
 ";
 
-pub(super) const AFTER_TABLE_4: &str = "";
+pub(super) const AFTER_TABLE_4: &str = "
+The printed STD is that of centripetal parameters (factor 1.03 to 1.51). Chord length is forty to seventy times better
+on the exact surfaces and ten to seventeen times on the noisy ones, so it is also better than the printed CNN; the shipped network is
+better than both.
+";
 
 pub(super) const BEFORE_TABLE_5: &str = "
 ## Table 4.5
@@ -55,6 +68,6 @@ Example 4.1.6 (g): the car with bicubic splines of 8 × 8 elements.
 
 pub(super) const BEFORE_HULL: &str = "
 Example 5.2.2 (b): the hull, then A-PDM. The text states no settings; ours are degree 2, 4 × 4 elements at the start, λ = 1e-7,
-tolerance 5e-5, one correction a refinement.
+tolerance 5e-5, one correction a refinement: fewer control points than printed, and a larger error.
 
 ";

@@ -13,6 +13,7 @@ use crate::archive::Archive;
 use crate::error::NnError;
 use crate::parcnn::layout::{Architecture, Form, Layout};
 use crate::parcnn::model::Parcnn;
+use crate::parcnn::network::Keep;
 use crate::parcnn::pass::{Pass, Task};
 use crate::synthetic::stream;
 
@@ -123,7 +124,7 @@ impl GridTrainer {
         let mut gradient = vec![0.0f32; self.theta.len()];
         let mut mse = 0.0;
         for _ in 0..passes {
-            let pass = Pass::<f32>::new(&self.layout, &self.theta, &tasks, &states);
+            let pass = Pass::<f32>::new(&self.layout, &self.theta, &tasks, &states, Keep::Everything);
             let given: Vec<Vec<[f64; 2]>> = pass
                 .states
                 .iter()

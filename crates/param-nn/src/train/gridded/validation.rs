@@ -99,3 +99,22 @@ impl GridValidation {
         self.kinds.iter().map(one).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twice the errors of the shipped networks on other items of the same kinds, the mean over all kinds without noise.
+    #[test]
+    fn shipped_networks_keep_their_errors() {
+        for (dimension, directions, largest) in [(2, 1, 4e-6), (3, 1, 6e-6), (3, 2, 8e-8)] {
+            let network = Parcnn::embedded(dimension, directions).unwrap();
+            let scores = GridValidation::new(network.architecture(), 77, 12).unwrap().scores(&network);
+            let exact = &scores[..4];
+            let [mse, standard] = [|s: &GridScore| s.mse, |s: &GridScore| s.standard]
+                .map(|of| exact.iter().map(of).sum::<f64>() / exact.len() as f64);
+            assert!(mse < largest && mse < 0.05 * standard, "{dimension} {directions}: {scores:?}");
+            assert!(scores.iter().all(|s| s.mse < 0.5 * s.standard), "{dimension} {directions}: {scores:?}");
+        }
+    }
+}
