@@ -138,7 +138,7 @@ fn read_lattice(path: &Path) -> Result<GridCloud> {
         a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
     });
     let second = rows.iter().take_while(|&&row| parameters[[row, 0]] == parameters[[rows[0], 0]]).count();
-    ensure!(second > 1 && rows.len() % second == 0, "{}: the parameters are no lattice", path.display());
+    ensure!(second > 1 && rows.len().is_multiple_of(second), "{}: the parameters are no lattice", path.display());
     let select = |a: &Array2<f64>| a.select(ndarray::Axis(0), &rows);
     Ok(GridCloud {
         points: select(&points),
