@@ -51,9 +51,10 @@ check() {
 
 check face millimetre 100 fixtures/nefertiti_299.off --tol 0.5%
 check peaks metre 400 fixtures/peaks_4k.csv --degree 2,3 --mesh 5x6 --tol 0.02% --units m
-check blade inch 800 fixtures/blade_1600.ply --tol 0.02% --units inch --flip
+# Fixed parameters need a deep hierarchy.
+check blade inch 800 fixtures/blade_1600.ply --method ls --tol 0.02% --units inch --flip
 
-# The hierarchy must be deep enough for these checks to mean something.
+# It must be deep enough for these checks to mean something.
 levels=$("$thb" info "$work/blade.json" | awk '/"levels"/ { print $2 + 0 }')
 if ((levels < 5)); then
     echo "the blade has $levels levels; at least 5 are needed here" >&2

@@ -121,8 +121,9 @@ pub(crate) struct FitArgs {
     #[command(flatten)]
     layout: LayoutArgs,
 
-    /// Fitting method: auto (as joint, or ls where that ends better), ls or qi (fixed parameters: one system for all control points, or a small local problem for each), or parameters that move together with the surface: a-pdm, a-tdm, a-hdm, a-qi (in
-    /// turn), j-pdm, joint (at once).
+    /// Fitting method: auto (as joint, or ls where that ends better); ls or qi (fixed parameters: one system for all control
+    /// points, or a small local problem for each); or parameters that move together with the surface: a-pdm, a-tdm, a-hdm,
+    /// a-qi (in turn), j-pdm, joint (at once).
     #[arg(long, default_value_t = FitOptions::default().method, help_heading = "What is fitted")]
     method: Method,
     /// Corrections of the parameters after each refinement, for a-pdm, a-tdm, a-hdm and a-qi.

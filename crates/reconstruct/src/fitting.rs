@@ -11,7 +11,7 @@ use point_cloud::LocalFrames;
 use thb_core::{HierarchicalSpace, Refinement, SplineMap};
 
 use crate::fit::SAMPLES;
-use crate::options::{BlendChoice, Method};
+use crate::options::{BlendChoice, LambdaChoice, Method};
 use crate::quasi::{self, QuasiReport};
 use crate::{Error, Event, FitOptions, Watch};
 
@@ -23,6 +23,10 @@ pub(crate) const FAR: f64 = 0.07;
 /// without springs they open voids between them. Of 0, 1e-4 and 1e-3, on 14 scans, this needed the fewest control points
 /// at 0.5 %, and all three about as many at 0.1 %.
 const STIFFNESS: f64 = 1e-4;
+
+/// Share of the automatic smoothing weight that is tried where moving parameters miss the tolerance: the weight is judged at
+/// fixed parameters, whose errors call for more smoothing.
+const SOFTER: f64 = 0.1;
 
 /// What the loop left.
 pub(crate) struct Fitted {
@@ -82,15 +86,26 @@ pub(crate) fn fit(
     if options.method != Method::Auto {
         return fit_by(options.method, problem, space, options, watch);
     }
-    let moved = fit_by(Method::Joint, problem, space, options, watch)?;
-    let (near, reached, _) = moved.rank(problem);
-    if near && reached || moved.stop == Stop::Interrupted {
-        return Ok(moved);
+    let mut best = fit_by(Method::Joint, problem, space, options, watch)?;
+    let softer = FitOptions { lambda: LambdaChoice::Fixed(SOFTER * best.lambda), ..options.clone() };
+    let may_be_softer = options.lambda == LambdaChoice::Auto && !best.reached();
+    let others = [
+        (Method::Joint, &softer, "fitting with less smoothing"),
+        (Method::Ls, options, "fitting with fixed parameters"),
+    ];
+    for (method, options, step) in others.into_iter().skip(usize::from(!may_be_softer)) {
+        let (near, reached, _) = best.rank(problem);
+        if near && reached || best.stop == Stop::Interrupted {
+            break;
+        }
+        let _ = watch(Event::Step(step));
+        let other = fit_by(method, problem, space, options, watch)?;
+        tracing::info!(best = ?best.rank(problem), other = ?other.rank(problem), "near the points, reached, within");
+        if other.rank(problem) > best.rank(problem) {
+            best = other;
+        }
     }
-    let _ = watch(Event::Step("fitting with fixed parameters"));
-    let fixed = fit_by(Method::Ls, problem, space, options, watch)?;
-    tracing::info!(moved = ?moved.rank(problem), fixed = ?fixed.rank(problem), "near the points, reached, within");
-    Ok(if fixed.rank(problem) > moved.rank(problem) { fixed } else { moved })
+    Ok(best)
 }
 
 /// Fits by one method.
