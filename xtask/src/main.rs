@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use param_nn::{
-    Architecture, Form, GridTrainOptions, GriddedSpec, Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions, Variant,
+    Architecture, Form, GridTrainOptions, GridTrainer, GriddedSpec, Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions,
+    Trainer, Variant,
 };
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
 use xtask::generate::{fixtures, gridded, scattered};
 use xtask::train::Run;
-use xtask::train::gridded::GridRun;
 use xtask::{tables, tidy, workspace_root};
 
 /// Chores of the repository.
@@ -196,7 +196,7 @@ struct ParcnnArguments {
 }
 
 impl ParcnnArguments {
-    fn run(self) -> GridRun {
+    fn run(self) -> Run<GridTrainer> {
         let Self { dimension, directions, steps, batch, rate, seed, plain, small, .. } = self;
         let form = match plain {
             None => SHIPPED_FORM,
@@ -218,7 +218,7 @@ impl ParcnnArguments {
         let recipe = if self.rmsprop { Recipe::RmsProp } else { Recipe::AdamW };
         let options = GridTrainOptions { architecture, steps, batch, shortest: self.shortest, recipe, rate, seed };
         let Self { out, resume, minutes, patience, .. } = self;
-        GridRun { options, out, resume, minutes, patience, command }
+        Run { options, out, resume, minutes, patience, command }
     }
 }
 
@@ -268,33 +268,28 @@ fn main() -> Result<()> {
             let flags = [(plain, " --plain"), (ablation, " --ablation")];
             let flags: String = flags.into_iter().filter_map(|(set, flag)| set.then_some(flag)).collect();
             let command = format!("cargo xtask train bidgcn --steps {steps} --rate {rate} --seed {seed}{flags}");
-            Run { options, out, resume, minutes, command }.train(|line| println!("{line}"))?;
+            let run = Run::<Trainer> { options, out, resume, minutes, patience: None, command };
+            run.train(|line| println!("{line}"))?;
         }
-        Arguments::Tables(Tables::Parcnn { data, train, out }) => {
-            let path = out.unwrap_or_else(|| root.join("docs/results/parcnn.md"));
-            let text = tables::parcnn::document(data.as_deref(), train)?;
+        Arguments::Tables(tables) => {
+            let (page, out, missing, text) = match tables {
+                Tables::Parcnn { data, train, out } => {
+                    let missing = data.is_none().then_some("Table 4.5 needs --data DIR and was left out");
+                    ("parcnn", out, missing, tables::parcnn::document(data.as_deref(), train)?)
+                }
+                Tables::Qi { data, out } => {
+                    let missing =
+                        data.is_none().then_some("tables of measured clouds need --data DIR and were left out");
+                    ("qi", out, missing, tables::qi::document(data.as_deref())?)
+                }
+                Tables::Classical { data, out } => {
+                    let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
+                    ("classical", out, missing, tables::classical::document(data.as_deref())?)
+                }
+            };
+            let path = out.unwrap_or_else(|| root.join(format!("docs/results/{page}.md")));
             std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-            if data.is_none() {
-                println!("Table 4.5 needs --data DIR and was left out");
-            }
-            println!("{}", path.display());
-        }
-        Arguments::Tables(Tables::Qi { data, out }) => {
-            let path = out.unwrap_or_else(|| root.join("docs/results/qi.md"));
-            let text = tables::qi::document(data.as_deref())?;
-            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-            if data.is_none() {
-                println!("tables of measured clouds need --data DIR and were left out");
-            }
-            println!("{}", path.display());
-        }
-        Arguments::Tables(Tables::Classical { data, out }) => {
-            let path = out.unwrap_or_else(|| root.join("docs/results/classical.md"));
-            let text = tables::classical::document(data.as_deref())?;
-            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-            if data.is_none() {
-                println!("Tables 4.7 and 4.8 need --data DIR and were left out");
-            }
+            missing.into_iter().for_each(|missing| println!("{missing}"));
             println!("{}", path.display());
         }
         Arguments::Generate(Generate::Gridded { kind, degree, points, across, noise, seed, count, out }) => {

@@ -16,6 +16,7 @@ mod graph;
 mod gridded;
 mod parcnn;
 mod real;
+mod slots;
 mod synthetic;
 mod train;
 

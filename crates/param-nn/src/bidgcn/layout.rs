@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::layers::WIDTH;
+use crate::slots::{Slot, Slots};
 
 /// Hidden edge convolutions.
 pub(super) const HIDDEN: usize = 4;
@@ -32,19 +33,6 @@ impl Variant {
     }
 }
 
-/// A tensor among the weights, shape `(rows, columns)`; a row acts on an input, a column makes an output. Vectors have
-/// one row; `.norm` holds γ, then β.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Slot {
-    pub(crate) name: String,
-    pub(crate) shape: [usize; 2],
-    pub(crate) range: Range<usize>,
-    /// Whether it acts on the result; a bias that a batch normalization follows does not.
-    pub(crate) active: bool,
-    /// Inputs of the linear layer, which set the size of random weights; none for a normalization.
-    pub(crate) fan_in: Option<usize>,
-}
-
 /// The two message networks of the input layer.
 #[derive(Clone, Debug)]
 pub(super) struct MessageSlots {
@@ -66,7 +54,7 @@ pub(super) struct LinearSlots {
 /// Places of all weights in one vector.
 #[derive(Clone, Debug)]
 pub(crate) struct Layout {
-    slots: Vec<Slot>,
+    pub(crate) slots: Slots,
     pub(super) interior: MessageSlots,
     pub(super) boundary: Option<MessageSlots>,
     pub(super) hidden: Vec<LinearSlots>,
@@ -75,56 +63,43 @@ pub(crate) struct Layout {
 
 impl Layout {
     pub(crate) fn new(variant: Variant) -> Self {
-        let mut builder = Builder::default();
-        let interior = builder.messages("input.interior", 6);
-        let boundary = (variant == Variant::Bidgcn).then(|| builder.messages("input.boundary", 8));
-        let hidden =
-            (1..=HIDDEN).map(|k| builder.linear(&format!("hidden.{k}"), 2 * WIDTH, WIDTH, false, k < HIDDEN)).collect();
+        let mut slots = Slots::default();
+        let interior = messages(&mut slots, "input.interior", 6);
+        let boundary = (variant == Variant::Bidgcn).then(|| messages(&mut slots, "input.boundary", 8));
+        let hidden = (1..=HIDDEN)
+            .map(|k| linear(&mut slots, &format!("hidden.{k}"), 2 * WIDTH, WIDTH, false, k < HIDDEN))
+            .collect();
         let output = [
-            builder.linear("output.1", CONCATENATED, OUTPUT_WIDTH, true, false),
-            builder.linear("output.2", OUTPUT_WIDTH, OUTPUT_WIDTH, true, false),
-            builder.linear("output.3", OUTPUT_WIDTH, 2, false, true),
+            linear(&mut slots, "output.1", CONCATENATED, OUTPUT_WIDTH, true, false),
+            linear(&mut slots, "output.2", OUTPUT_WIDTH, OUTPUT_WIDTH, true, false),
+            linear(&mut slots, "output.3", OUTPUT_WIDTH, 2, false, true),
         ];
-        Self { slots: builder.slots, interior, boundary, hidden, output }
+        Self { slots, interior, boundary, hidden, output }
     }
 
     /// Number of weights.
     pub(crate) fn len(&self) -> usize {
-        self.slots.last().map_or(0, |slot| slot.range.end)
+        self.slots.len()
     }
 
     /// All tensors, in their order in the vector.
     pub(crate) fn slots(&self) -> &[Slot] {
-        &self.slots
+        self.slots.as_slice()
     }
 }
 
-#[derive(Default)]
-struct Builder {
-    slots: Vec<Slot>,
+/// Linear, batch normalization, ReLU, linear.
+fn messages(slots: &mut Slots, name: &str, inputs: usize) -> MessageSlots {
+    let first = linear(slots, &format!("{name}.1"), inputs, WIDTH, true, false);
+    let second = linear(slots, &format!("{name}.2"), WIDTH, WIDTH, false, true);
+    MessageSlots { inputs, first: first.weights, norm: first.norm, second: second.weights, bias: second.bias }
 }
 
-impl Builder {
-    fn slot(&mut self, name: String, shape: [usize; 2], active: bool, fan_in: Option<usize>) -> Range<usize> {
-        let start = self.slots.last().map_or(0, |slot| slot.range.end);
-        let range = start..start + shape[0] * shape[1];
-        self.slots.push(Slot { name, shape, range: range.clone(), active, fan_in });
-        range
-    }
-
-    /// Linear, batch normalization, ReLU, linear.
-    fn messages(&mut self, name: &str, inputs: usize) -> MessageSlots {
-        let first = self.linear(&format!("{name}.1"), inputs, WIDTH, true, false);
-        let second = self.linear(&format!("{name}.2"), WIDTH, WIDTH, false, true);
-        MessageSlots { inputs, first: first.weights, norm: first.norm, second: second.weights, bias: second.bias }
-    }
-
-    fn linear(&mut self, name: &str, inputs: usize, outputs: usize, norm: bool, active_bias: bool) -> LinearSlots {
-        let weights = self.slot(format!("{name}.weight"), [inputs, outputs], true, Some(inputs));
-        let bias = self.slot(format!("{name}.bias"), [1, outputs], active_bias, Some(inputs));
-        let norm = if norm { self.slot(format!("{name}.norm"), [2, outputs], true, None) } else { 0..0 };
-        LinearSlots { weights, bias, norm }
-    }
+fn linear(slots: &mut Slots, name: &str, inputs: usize, outputs: usize, norm: bool, active_bias: bool) -> LinearSlots {
+    let weights = slots.add(format!("{name}.weight"), [inputs, outputs], true, Some(inputs));
+    let bias = slots.add(format!("{name}.bias"), [1, outputs], active_bias, Some(inputs));
+    let norm = if norm { slots.add(format!("{name}.norm"), [2, outputs], true, None) } else { 0..0 };
+    LinearSlots { weights, bias, norm }
 }
 
 #[cfg(test)]

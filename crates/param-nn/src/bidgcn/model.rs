@@ -63,22 +63,7 @@ impl Bidgcn {
             _ => return other("frame", frame, "boundary or none"),
         };
         let layout = Layout::new(variant);
-        let mut theta = vec![0.0; layout.len()];
-        for slot in layout.slots() {
-            match archive.tensors.remove(&slot.name) {
-                Some((shape, values)) if shape == slot.shape && values.iter().all(|x| x.is_finite()) => {
-                    theta[slot.range.clone()].copy_from_slice(&values);
-                }
-                found => {
-                    let found = found.map_or("nothing".into(), |(shape, _)| format!("shape {shape:?}"));
-                    return other(
-                        "tensors",
-                        format!("{}: {found}", slot.name),
-                        "finite numbers in the shape of the network",
-                    );
-                }
-            }
-        }
+        let theta = layout.slots.take(&mut archive)?;
         Ok(Self { layout: Arc::new(layout), variant, frame, theta, notes: archive.metadata })
     }
 
@@ -93,9 +78,9 @@ impl Bidgcn {
         for (name, value) in [("version", VERSION), ("architecture", self.variant.name()), ("frame", frame)] {
             metadata.insert(name.into(), value.into());
         }
-        let tensor =
-            |slot: &super::layout::Slot| (slot.name.clone(), (slot.shape, self.theta[slot.range.clone()].to_vec()));
-        Archive { metadata, tensors: self.layout.slots().iter().map(tensor).collect() }
+        let mut archive = Archive { metadata, ..Archive::default() };
+        self.layout.slots.put(&self.theta, &mut archive);
+        archive
     }
 
     /// The network or its ablation.

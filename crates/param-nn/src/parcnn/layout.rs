@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rand::RngExt;
 
-use crate::bidgcn::layout::Slot;
+use crate::slots::{Slot, Slots};
 use crate::synthetic::stream;
 
 /// Stream of the random initial weights; training batches count from 0 on.
@@ -78,7 +78,7 @@ pub(super) struct Block {
 pub(crate) struct Layout {
     pub(crate) architecture: Architecture,
     pub(super) width: usize,
-    slots: Vec<Slot>,
+    pub(crate) slots: Slots,
     /// All layers of the published form; the first and the last of the feedback form.
     pub(super) convolutions: Vec<Convolution>,
     pub(super) blocks: Vec<Block>,
@@ -87,7 +87,7 @@ pub(crate) struct Layout {
 impl Layout {
     pub(crate) fn new(architecture: Architecture) -> Self {
         let Architecture { dimension, directions, form } = architecture;
-        let mut builder = Builder::default();
+        let mut slots = Slots::default();
         match form {
             Form::Published { degree, blocks, width } => {
                 let half = degree as isize;
@@ -98,29 +98,35 @@ impl Layout {
                 let mut convolutions = Vec::new();
                 for layer in 0..=blocks {
                     let outputs = if layer == blocks { directions } else { width };
-                    convolutions.push(builder.convolution(&format!("layer.{layer}"), taps.clone(), inputs, outputs));
+                    convolutions.push(convolution(
+                        &mut slots,
+                        &format!("layer.{layer}"),
+                        taps.clone(),
+                        inputs,
+                        outputs,
+                    ));
                     inputs = width;
                 }
-                Self { architecture, width, slots: builder.slots, convolutions, blocks: Vec::new() }
+                Self { architecture, width, slots, convolutions, blocks: Vec::new() }
             }
             Form::Feedback { blocks, width } => {
                 let features = super::features::count(dimension, directions);
-                let first = builder.convolution("input", vec![[0, 0]], features, width);
-                let blocks = (0..blocks).map(|k| builder.block(k, width, directions)).collect();
-                let last = builder.convolution("output", vec![[0, 0]], width, 1);
-                Self { architecture, width, slots: builder.slots, convolutions: vec![first, last], blocks }
+                let first = convolution(&mut slots, "input", vec![[0, 0]], features, width);
+                let blocks = (0..blocks).map(|k| block(&mut slots, k, width, directions)).collect();
+                let last = convolution(&mut slots, "output", vec![[0, 0]], width, 1);
+                Self { architecture, width, slots, convolutions: vec![first, last], blocks }
             }
         }
     }
 
     /// Number of weights.
     pub(crate) fn len(&self) -> usize {
-        self.slots.last().map_or(0, |slot| slot.range.end)
+        self.slots.len()
     }
 
     /// All tensors, in their order in the vector.
     pub(crate) fn slots(&self) -> &[Slot] {
-        &self.slots
+        self.slots.as_slice()
     }
 
     /// Evenly distributed weights with the variance that ReLU keeps (He et al. 2015); biases are zero. The feedback form
@@ -128,7 +134,7 @@ impl Layout {
     pub(crate) fn initial_weights(&self, seed: u64) -> Vec<f32> {
         let mut random = stream(seed, WEIGHT_STREAM);
         let mut theta = vec![0.0; self.len()];
-        for slot in &self.slots {
+        for slot in self.slots() {
             let Some(inputs) = slot.fan_in.filter(|_| slot.active) else { continue };
             let bound = (6.0 / inputs as f32).sqrt();
             theta[slot.range.clone()].iter_mut().for_each(|x| *x = bound * (2.0 * random.random::<f32>() - 1.0));
@@ -137,42 +143,32 @@ impl Layout {
     }
 }
 
-#[derive(Default)]
-struct Builder {
-    slots: Vec<Slot>,
+/// Adds a tensor; `random` weights have a number of inputs, others start as zero.
+fn tensor(slots: &mut Slots, name: String, shape: [usize; 2], inputs: Option<usize>) -> Range<usize> {
+    slots.add(name, shape, inputs.is_some(), inputs)
 }
 
-impl Builder {
-    /// `random` weights have a number of inputs; others start as zero.
-    fn slot(&mut self, name: String, shape: [usize; 2], inputs: Option<usize>) -> Range<usize> {
-        let start = self.slots.last().map_or(0, |slot| slot.range.end);
-        let range = start..start + shape[0] * shape[1];
-        self.slots.push(Slot { name, shape, range: range.clone(), active: inputs.is_some(), fan_in: inputs });
-        range
-    }
+fn convolution(slots: &mut Slots, name: &str, taps: Vec<[isize; 2]>, inputs: usize, outputs: usize) -> Convolution {
+    let rows = taps.len() * inputs;
+    let random = (name != "output").then_some(rows);
+    let weights = tensor(slots, format!("{name}.weight"), [rows, outputs], random);
+    let bias = tensor(slots, format!("{name}.bias"), [1, outputs], None);
+    Convolution { taps, inputs, weights, bias }
+}
 
-    fn convolution(&mut self, name: &str, taps: Vec<[isize; 2]>, inputs: usize, outputs: usize) -> Convolution {
-        let rows = taps.len() * inputs;
-        let random = (name != "output").then_some(rows);
-        let weights = self.slot(format!("{name}.weight"), [rows, outputs], random);
-        let bias = self.slot(format!("{name}.bias"), [1, outputs], None);
-        Convolution { taps, inputs, weights, bias }
-    }
-
-    fn block(&mut self, index: usize, width: usize, directions: usize) -> Block {
-        let (half, spacing) = (FEEDBACK_KERNEL as isize / 2, DILATIONS[index % DILATIONS.len()] as isize);
-        let taps = (-half..=half).map(|k| [0, k * spacing]).collect();
-        let name = format!("block.{index}");
-        Block {
-            convolution: self.convolution(&name, taps, width, width),
-            along: self.slot(format!("{name}.along"), [width, width], Some(8 * width)),
-            across: match directions {
-                1 => 0..0,
-                _ => self.slot(format!("{name}.across"), [width, width], Some(8 * width)),
-            },
-            second: self.slot(format!("{name}.second"), [width, width], None),
-            second_bias: self.slot(format!("{name}.second.bias"), [1, width], None),
-        }
+fn block(slots: &mut Slots, index: usize, width: usize, directions: usize) -> Block {
+    let (half, spacing) = (FEEDBACK_KERNEL as isize / 2, DILATIONS[index % DILATIONS.len()] as isize);
+    let taps = (-half..=half).map(|k| [0, k * spacing]).collect();
+    let name = format!("block.{index}");
+    Block {
+        convolution: convolution(slots, &name, taps, width, width),
+        along: tensor(slots, format!("{name}.along"), [width, width], Some(8 * width)),
+        across: match directions {
+            1 => 0..0,
+            _ => tensor(slots, format!("{name}.across"), [width, width], Some(8 * width)),
+        },
+        second: tensor(slots, format!("{name}.second"), [width, width], None),
+        second_bias: tensor(slots, format!("{name}.second.bias"), [1, width], None),
     }
 }
 

@@ -114,19 +114,7 @@ impl Parcnn {
             return other("architecture", text, "that of a parcnn network");
         };
         let layout = Layout::new(architecture);
-        let mut theta = vec![0.0; layout.len()];
-        for slot in layout.slots() {
-            match archive.tensors.remove(&slot.name) {
-                Some((shape, values)) if shape == slot.shape && values.iter().all(|x| x.is_finite()) => {
-                    theta[slot.range.clone()].copy_from_slice(&values);
-                }
-                found => {
-                    let found = found.map_or("nothing".into(), |(shape, _)| format!("shape {shape:?}"));
-                    let found = format!("{}: {found}", slot.name);
-                    return other("tensors", found, "finite numbers in the shape of the network");
-                }
-            }
-        }
+        let theta = layout.slots.take(&mut archive)?;
         Ok(Self { layout: Arc::new(layout), theta, notes: archive.metadata })
     }
 
@@ -139,12 +127,9 @@ impl Parcnn {
         let mut metadata = self.notes.clone();
         metadata.insert("version".into(), VERSION.into());
         metadata.insert("architecture".into(), name(self.layout.architecture));
-        let tensors = self
-            .layout
-            .slots()
-            .iter()
-            .map(|slot| (slot.name.clone(), (slot.shape, self.theta[slot.range.clone()].to_vec())));
-        Archive { metadata, tensors: tensors.collect() }
+        let mut archive = Archive { metadata, ..Archive::default() };
+        self.layout.slots.put(&self.theta, &mut archive);
+        archive
     }
 
     /// What kind of network it is.

@@ -4,9 +4,9 @@ mod comparison;
 mod data;
 mod gridded;
 mod optimizer;
+mod state;
 mod validation;
 
-use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -15,8 +15,8 @@ use rand::RngExt;
 
 pub use self::comparison::Comparison;
 pub use self::gridded::{GridScore, GridTrainOptions, GridTrainer, GridValidation};
-use self::optimizer::Optimizer;
 pub use self::optimizer::Recipe;
+use self::state::{State, needed};
 pub use self::validation::{Score, Validation};
 use crate::archive::Archive;
 use crate::bidgcn::Bidgcn;
@@ -34,9 +34,6 @@ const LAST_RATE: f64 = 0.01;
 /// Share of the run over which the distance from the true parameters fades out of the loss. Without it the error of the
 /// fit alone has a local minimum with mirrored interior parameters, in which training stays.
 const SUPERVISED_SHARE: f64 = 0.08;
-
-/// Steps over which weights are averaged; shorter at the start of a run.
-const AVERAGE_HORIZON: f64 = 1000.0;
 
 /// Streams of random numbers: steps count from 0 on, the initial weights stand apart.
 const WEIGHT_STREAM: u64 = u64::MAX;
@@ -61,9 +58,7 @@ pub struct TrainOptions {
 pub struct Trainer {
     options: TrainOptions,
     layout: Arc<Layout>,
-    theta: Vec<f32>,
-    average: Vec<f32>,
-    optimizer: Optimizer,
+    state: State,
 }
 
 /// What a step met.
@@ -106,14 +101,13 @@ impl Trainer {
     /// A run from its start.
     pub fn new(options: TrainOptions) -> Self {
         let layout = Arc::new(Layout::new(options.variant));
-        let theta = initial_weights(&layout, options.seed);
-        let optimizer = Optimizer::new(Recipe::AdamW, theta.len());
-        Self { options, layout, average: theta.clone(), theta, optimizer }
+        let state = State::new(initial_weights(&layout, options.seed), Recipe::AdamW);
+        Self { options, layout, state }
     }
 
     /// Steps done.
     pub fn step_count(&self) -> u64 {
-        self.optimizer.steps
+        self.state.steps()
     }
 
     /// Options of the run.
@@ -128,7 +122,7 @@ impl Trainer {
 
     /// Share of the steps so far whose gradient was shortened.
     pub fn clipped_share(&self) -> f64 {
-        self.optimizer.clipped as f64 / self.optimizer.steps.max(1) as f64
+        self.state.clipped_share()
     }
 
     /// One step on a fresh cloud.
@@ -136,13 +130,13 @@ impl Trainer {
     /// # Errors
     /// [`NnError::Training`].
     pub fn step(&mut self) -> Result<StepReport, NnError> {
-        let step = self.optimizer.steps;
+        let step = self.state.steps();
         let progress = step as f64 / self.options.steps.max(1) as f64;
         let supervised = (1.0 - progress / SUPERVISED_SHARE).max(0.0);
         let (cloud, degree) = data::draw(&mut stream(self.options.seed, step))?;
         let input = Arc::new(cloud.input::<f32>(self.options.frame));
         let differentiate = || -> candle_core::Result<(f64, Vec<f32>)> {
-            let theta = Var::from_vec(self.theta.clone(), self.theta.len(), &Device::Cpu)?;
+            let theta = Var::from_vec(self.state.theta.clone(), self.state.theta.len(), &Device::Cpu)?;
             let logits = theta.as_tensor().apply_op1(Network::new(self.layout.clone(), input))?;
             let uv = candle_nn::ops::sigmoid(&logits)?;
             let boundary_uv = Arc::new(cloud.boundary_uv().to_vec());
@@ -159,46 +153,25 @@ impl Trainer {
             Ok((f64::from(error.to_scalar::<f32>()?), gradient.to_vec1()?))
         };
         let (mse, gradient) = differentiate().map_err(|e| NnError::Training { step, reason: e.to_string() })?;
-        if !(mse.is_finite() && gradient.iter().all(|g| g.is_finite())) {
-            return Err(NnError::Training { step, reason: "loss or gradient is not finite; lower the rate".into() });
-        }
         let rate = cosine_rate(self.options.rate, step, progress);
-        let norm = self.optimizer.step(&mut self.theta, &gradient, rate);
-        let horizon = AVERAGE_HORIZON.min(1.0 + 0.1 * step as f64);
-        let weight = (1.0 / horizon) as f32;
-        self.average.iter_mut().zip(&self.theta).for_each(|(a, t)| *a += weight * (t - *a));
-        Ok(StepReport { step, mse, rate, gradient: norm })
+        self.state.advance(mse, &gradient, rate)
     }
 
     /// The network with averaged weights, and notes on how it came about.
     pub fn network(&self, command: &str) -> Bidgcn {
         let TrainOptions { variant, frame, steps, rate, seed } = self.options;
-        let mut notes = BTreeMap::new();
-        for (name, value) in [
+        let notes = self.state.notes([
             ("command", command.to_owned()),
             ("seed", seed.to_string()),
             ("rate", rate.to_string()),
             ("steps", steps.to_string()),
-            ("steps_done", self.optimizer.steps.to_string()),
-        ] {
-            notes.insert(name.to_owned(), value);
-        }
-        Bidgcn { layout: self.layout.clone(), variant, frame, theta: self.average.clone(), notes }
+        ]);
+        Bidgcn { layout: self.layout.clone(), variant, frame, theta: self.state.average.clone(), notes }
     }
 
     /// All that is needed to go on: a weights file with further tensors.
     pub fn checkpoint(&self, command: &str) -> Vec<u8> {
-        let mut archive = self.network(command).to_archive();
-        for (name, values) in [
-            ("train.weights", &self.theta),
-            ("train.first_moment", &self.optimizer.first),
-            ("train.second_moment", &self.optimizer.second),
-        ] {
-            archive.tensors.insert(name.into(), ([1, values.len()], values.clone()));
-        }
-        archive.metadata.insert("mean_norm".into(), self.optimizer.mean_norm.to_string());
-        archive.metadata.insert("clipped".into(), self.optimizer.clipped.to_string());
-        archive.to_bytes()
+        self.state.checkpoint(self.network(command).to_archive())
     }
 
     /// Goes on from a checkpoint, bit by bit as if never stopped.
@@ -208,36 +181,15 @@ impl Trainer {
     pub fn resume(bytes: &[u8]) -> Result<Self, NnError> {
         let archive = Archive::from_bytes(bytes)?;
         let network = Bidgcn::of_archive(archive.clone())?;
-        let missing = |name: &str| NnError::OtherWeights {
-            what: "no training state",
-            found: name.to_owned(),
-            required: "a checkpoint, not a weights file",
-        };
-        fn number<T: std::str::FromStr>(archive: &Archive, name: &str) -> Option<T> {
-            archive.metadata.get(name)?.parse().ok()
-        }
-        let need = |name: &str| number::<u64>(&archive, name).ok_or_else(|| missing(name));
-        let real = |name: &str| number::<f64>(&archive, name).ok_or_else(|| missing(name));
-        let tensor = |name: &str| {
-            let found = archive.tensors.get(name).map(|(_, values)| values.clone());
-            found.filter(|values| values.len() == network.theta.len()).ok_or_else(|| missing(name))
-        };
         let options = TrainOptions {
             variant: network.variant,
             frame: network.frame,
-            steps: need("steps")?,
-            rate: real("rate")?,
-            seed: need("seed")?,
+            steps: needed(&archive, "steps")?,
+            rate: needed(&archive, "rate")?,
+            seed: needed(&archive, "seed")?,
         };
-        let optimizer = Optimizer {
-            recipe: Recipe::AdamW,
-            first: tensor("train.first_moment")?,
-            second: tensor("train.second_moment")?,
-            steps: need("steps_done")?,
-            mean_norm: real("mean_norm")?,
-            clipped: need("clipped")?,
-        };
-        Ok(Self { options, theta: tensor("train.weights")?, layout: network.layout, average: network.theta, optimizer })
+        let state = State::resume(&archive, network.theta, Recipe::AdamW)?;
+        Ok(Self { options, layout: network.layout, state })
     }
 }
 

@@ -3,12 +3,12 @@
 mod data;
 mod validation;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use self::validation::{GridScore, GridValidation};
-use super::optimizer::{Optimizer, Recipe};
-use super::{AVERAGE_HORIZON, StepReport, cosine_rate};
+use super::optimizer::Recipe;
+use super::state::{State, needed, note};
+use super::{StepReport, cosine_rate};
 use crate::archive::Archive;
 use crate::error::NnError;
 use crate::parcnn::layout::{Architecture, Form, Layout};
@@ -59,9 +59,7 @@ pub struct GridTrainOptions {
 pub struct GridTrainer {
     options: GridTrainOptions,
     layout: Arc<Layout>,
-    theta: Vec<f32>,
-    average: Vec<f32>,
-    optimizer: Optimizer,
+    state: State,
 }
 
 /// The loss of a state and its derivatives by the parameters, for an item of a batch.
@@ -81,14 +79,13 @@ impl GridTrainer {
     /// A run from its start.
     pub fn new(options: GridTrainOptions) -> Self {
         let layout = Arc::new(Layout::new(options.architecture));
-        let theta = layout.initial_weights(options.seed);
-        let optimizer = Optimizer::new(options.recipe, theta.len());
-        Self { options, layout, average: theta.clone(), theta, optimizer }
+        let state = State::new(layout.initial_weights(options.seed), options.recipe);
+        Self { options, layout, state }
     }
 
     /// Steps done.
     pub fn step_count(&self) -> u64 {
-        self.optimizer.steps
+        self.state.steps()
     }
 
     /// Options of the run.
@@ -103,7 +100,7 @@ impl GridTrainer {
 
     /// Share of the steps so far whose gradient was shortened.
     pub fn clipped_share(&self) -> f64 {
-        self.optimizer.clipped as f64 / self.optimizer.steps.max(1) as f64
+        self.state.clipped_share()
     }
 
     /// One step on a fresh batch.
@@ -111,7 +108,7 @@ impl GridTrainer {
     /// # Errors
     /// [`NnError::Training`].
     pub fn step(&mut self) -> Result<StepReport, NnError> {
-        let step = self.optimizer.steps;
+        let step = self.state.steps();
         let progress = step as f64 / self.options.steps.max(1) as f64;
         let supervised = SUPERVISED_WEIGHT * (1.0 - progress / SUPERVISED_SHARE).max(0.0);
         let GridTrainOptions { architecture, batch, seed, shortest, recipe, .. } = self.options;
@@ -121,40 +118,32 @@ impl GridTrainer {
             .unzip();
         let mut states: Vec<_> = tasks.iter().map(Task::classical_state).collect();
         let passes = if matches!(architecture.form, Form::Feedback { .. }) { PASSES } else { 1 };
-        let mut gradient = vec![0.0f32; self.theta.len()];
+        let mut gradient = vec![0.0f32; self.state.theta.len()];
         let mut mse = 0.0;
         for _ in 0..passes {
-            let pass = Pass::<f32>::new(&self.layout, &self.theta, &tasks, &states, Keep::Everything);
+            let pass = Pass::<f32>::new(&self.layout, &self.state.theta, &tasks, &states, Keep::Everything);
             let given: Vec<Vec<[f64; 2]>> = pass
                 .states
                 .iter()
                 .zip(&truths)
                 .map(|(s, truth)| loss(s.fit.mse, s.fit.gradient(), &s.uv, truth.as_deref(), supervised))
                 .collect();
-            let part = pass.backward(&self.layout, &self.theta, &tasks, &given);
+            let part = pass.backward(&self.layout, &self.state.theta, &tasks, &given);
             gradient.iter_mut().zip(part).for_each(|(g, p)| *g += p / batch as f32);
             states = pass.states;
             mse = states.iter().map(|s| s.fit.mse).sum::<f64>() / batch as f64;
-        }
-        if !(mse.is_finite() && gradient.iter().all(|g| g.is_finite())) {
-            return Err(NnError::Training { step, reason: "loss or gradient is not finite; lower the rate".into() });
         }
         let rate = match recipe {
             Recipe::AdamW => cosine_rate(self.options.rate, step, (progress / (1.0 - FLAT_SHARE)).min(1.0)),
             Recipe::RmsProp => self.options.rate,
         };
-        let norm = self.optimizer.step(&mut self.theta, &gradient, rate);
-        let horizon = AVERAGE_HORIZON.min(1.0 + 0.1 * step as f64);
-        let weight = (1.0 / horizon) as f32;
-        self.average.iter_mut().zip(&self.theta).for_each(|(a, t)| *a += weight * (t - *a));
-        Ok(StepReport { step, mse, rate, gradient: norm })
+        self.state.advance(mse, &gradient, rate)
     }
 
     /// The network with averaged weights, and notes on how it came about.
     pub fn network(&self, command: &str) -> Parcnn {
         let GridTrainOptions { steps, batch, shortest, recipe, rate, seed, .. } = self.options;
-        let mut notes = BTreeMap::new();
-        for (name, value) in [
+        let notes = self.state.notes([
             ("command", command.to_owned()),
             ("seed", seed.to_string()),
             ("rate", rate.to_string()),
@@ -162,26 +151,13 @@ impl GridTrainer {
             ("shortest", shortest.to_string()),
             ("recipe", recipe.name().to_owned()),
             ("steps", steps.to_string()),
-            ("steps_done", self.optimizer.steps.to_string()),
-        ] {
-            notes.insert(name.to_owned(), value);
-        }
-        Parcnn { layout: self.layout.clone(), theta: self.average.clone(), notes }
+        ]);
+        Parcnn { layout: self.layout.clone(), theta: self.state.average.clone(), notes }
     }
 
     /// All that is needed to go on: a weights file with further tensors.
     pub fn checkpoint(&self, command: &str) -> Vec<u8> {
-        let mut archive = self.network(command).to_archive();
-        for (name, values) in [
-            ("train.weights", &self.theta),
-            ("train.first_moment", &self.optimizer.first),
-            ("train.second_moment", &self.optimizer.second),
-        ] {
-            archive.tensors.insert(name.into(), ([1, values.len()], values.clone()));
-        }
-        archive.metadata.insert("mean_norm".into(), self.optimizer.mean_norm.to_string());
-        archive.metadata.insert("clipped".into(), self.optimizer.clipped.to_string());
-        archive.to_bytes()
+        self.state.checkpoint(self.network(command).to_archive())
     }
 
     /// Goes on from a checkpoint, bit by bit as if never stopped.
@@ -191,41 +167,20 @@ impl GridTrainer {
     pub fn resume(bytes: &[u8]) -> Result<Self, NnError> {
         let archive = Archive::from_bytes(bytes)?;
         let network = Parcnn::of_archive(archive.clone())?;
-        let missing = |name: &str| NnError::OtherWeights {
-            what: "no training state",
-            found: name.to_owned(),
-            required: "a checkpoint, not a weights file",
-        };
-        fn number<T: std::str::FromStr>(archive: &Archive, name: &str) -> Option<T> {
-            archive.metadata.get(name)?.parse().ok()
-        }
-        let need = |name: &str| number::<u64>(&archive, name).ok_or_else(|| missing(name));
-        let real = |name: &str| number::<f64>(&archive, name).ok_or_else(|| missing(name));
-        let tensor = |name: &str| {
-            let found = archive.tensors.get(name).map(|(_, values)| values.clone());
-            found.filter(|values| values.len() == network.theta.len()).ok_or_else(|| missing(name))
-        };
         let options = GridTrainOptions {
             architecture: network.architecture(),
-            steps: need("steps")?,
-            batch: need("batch")? as usize,
-            shortest: number(&archive, "shortest").unwrap_or(false),
+            steps: needed(&archive, "steps")?,
+            batch: needed(&archive, "batch")?,
+            shortest: note(&archive, "shortest").unwrap_or(false),
             recipe: match archive.metadata.get("recipe").map(String::as_str) {
                 Some("rmsprop") => Recipe::RmsProp,
                 _ => Recipe::AdamW,
             },
-            rate: real("rate")?,
-            seed: need("seed")?,
+            rate: needed(&archive, "rate")?,
+            seed: needed(&archive, "seed")?,
         };
-        let optimizer = Optimizer {
-            recipe: options.recipe,
-            first: tensor("train.first_moment")?,
-            second: tensor("train.second_moment")?,
-            steps: need("steps_done")?,
-            mean_norm: real("mean_norm")?,
-            clipped: need("clipped")?,
-        };
-        Ok(Self { options, theta: tensor("train.weights")?, layout: network.layout, average: network.theta, optimizer })
+        let state = State::resume(&archive, network.theta, options.recipe)?;
+        Ok(Self { options, layout: network.layout, state })
     }
 }
 
