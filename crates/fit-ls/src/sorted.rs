@@ -1,7 +1,6 @@
 //! Points sorted by cell, one array per coordinate.
 
-use ndarray::ArrayView1;
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView1, ArrayView2};
 use rayon::prelude::*;
 use thb_core::{BezierMap, CellSpace, HierarchicalSpace};
 
@@ -106,6 +105,15 @@ impl<const D: usize> SortedPoints<D> {
     /// Parameters in a direction, in the order of the cells.
     pub fn parameters(&self, direction: usize) -> &[f64] {
         &self.parameters[direction]
+    }
+
+    /// All parameters, `(m, D)`, in the order in which the points were given.
+    pub fn parameters_as_given(&self) -> Array2<f64> {
+        let mut parameters = Array2::zeros((self.len(), D));
+        for (at, &index) in self.order.iter().enumerate() {
+            (0..D).for_each(|d| parameters[[index as usize, d]] = self.parameters[d][at]);
+        }
+        parameters
     }
 
     /// A coordinate of all points, in the order of the cells.

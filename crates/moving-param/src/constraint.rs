@@ -1,6 +1,7 @@
 //! Which directions of a parameter may move.
 
 use ndarray::ArrayView2;
+use thb_core::CellSpace;
 
 /// What happens to points on the boundary of the parameter domain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,6 +50,11 @@ impl<const D: usize> Constraints<D> {
             row.iter().take(D).enumerate().fold(0, |bits, (d, &u)| bits | u8::from(held(u, d)) << d)
         };
         Self { held: parameters.outer_iter().map(bits).collect() }
+    }
+
+    /// The constraints of points at parameters `(m, D)` of the domain of a space, whose seams are no sides.
+    pub fn in_space(parameters: ArrayView2<'_, f64>, space: &impl CellSpace<D>, boundary: Boundary) -> Self {
+        Self::new(parameters, space.domain(), boundary).released(space.periodic())
     }
 
     /// The same constraints without those on the sides of some directions: at the seam of a periodic one points pass.

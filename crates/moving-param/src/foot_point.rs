@@ -433,7 +433,7 @@ pub fn project<const D: usize>(
 ) -> Result<(Array2<f64>, Vec<f64>, FootPointReport), Error> {
     let mut sorted = SortedPoints::new(parameters, points, None)?;
     sorted.sort_refined(map.space(), None)?;
-    let constraints = Constraints::new(parameters, map.space().domain(), boundary).released(map.space().periodic());
+    let constraints = Constraints::in_space(parameters, map.space().as_ref(), boundary);
     let found = foot_points(map, &sorted, &constraints, options)?;
     let mut result = Array2::zeros(parameters.raw_dim());
     let mut distances = vec![0.0; sorted.len()];

@@ -10,7 +10,7 @@ use thb_core::{CellSpace, SplineMap};
 use crate::anchor::Anchor;
 use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from, seek_anew};
 use crate::frame::{Frame, Share, columns, frames};
-use crate::moving::{Moves, MovingFit, count};
+use crate::moving::{Moves, MovingFit};
 use crate::patch::dot;
 use crate::system::{StepSystem, stepped};
 use crate::{Error, JointOptions};
@@ -131,15 +131,15 @@ impl<const D: usize> MovingFit<D> {
                     *frame = frame.anchored(anchor, index as usize, points.parameter(at));
                 }
             }
-            let present: Vec<[f64; D]> = (0..points.len()).map(|at| points.parameter(at)).collect();
             let distances: Vec<f64> = frames.iter().map(|f| dot(&f.residual, &f.residual).sqrt()).collect();
             if distances.iter().all(|d| *d <= self.options.tolerance) {
                 break;
             }
             let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
             let coefficients = map.coefficients().to_owned();
-            let objective =
-                squares(&distances, &weights) + self.springs(&present, &weights) + system.energy_part(&coefficients);
+            let objective = squares(&distances, &weights)
+                + self.springs(|at| points.parameter(at), &weights)
+                + system.energy_part(&coefficients);
             let lowered = loop {
                 let share = |at: usize| Share { point: 0.0, damping: *damping, weight: weights[at] };
                 let columns = columns(self.fit.points(), &frames, &constraints, share);
@@ -148,10 +148,10 @@ impl<const D: usize> MovingFit<D> {
                     let trial = stepped(&space, &coefficients, &step)?;
                     let found = self.follow(&trial, &frames, *damping, options.polish, moves)?;
                     let new = squares(&found.distances, &weights)
-                        + self.springs(&found.parameters, &weights)
+                        + self.springs(|at| found.parameters[at], &weights)
                         + system.energy_part(&trial.coefficients().to_owned());
                     if new < objective {
-                        count(moves, &found.report);
+                        moves.count(&found.report);
                         self.fit.relocate(&found.parameters, &found.cells)?;
                         map = trial;
                         *damping = (*damping * DECREASE).max(LEAST_DAMPING);
@@ -173,11 +173,11 @@ impl<const D: usize> MovingFit<D> {
         Ok(map)
     }
 
-    /// Half the weighted energy of the springs, parameters and weights in the order of the sorted points.
-    fn springs(&self, parameters: &[[f64; D]], weights: &[f64]) -> f64 {
+    /// Half the weighted energy of the springs, parameters and weights by the places of the sorted points.
+    fn springs(&self, parameter: impl Fn(usize) -> [f64; D], weights: &[f64]) -> f64 {
         let Some(anchor) = &self.anchor else { return 0.0 };
         let order = self.fit.points().order();
-        let energy = |at: usize| weights[at] * anchor.squared(order[at] as usize, parameters[at]);
+        let energy = |at: usize| weights[at] * anchor.squared(order[at] as usize, parameter(at));
         0.5 * (0..order.len()).map(energy).sum::<f64>()
     }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use adaptive::{Estimate, Solution, Solve};
+use adaptive::{Deviation, Estimate, Solution, Solve};
 use fit_ls::{LeastSquares, SortedPoints};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
@@ -105,19 +105,13 @@ impl<const D: usize> MovingFit<D> {
 
     /// The present parameters, `(m, D)`, in the order in which the points were given.
     pub fn parameters(&self) -> Array2<f64> {
-        let points = self.fit.points();
-        let mut parameters = Array2::zeros((points.len(), D));
-        for (at, &index) in points.order().iter().enumerate() {
-            (0..D).for_each(|d| parameters[[index as usize, d]] = points.parameters(d)[at]);
-        }
-        parameters
+        self.fit.points().parameters_as_given()
     }
 
     fn fit_in(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<Solution<D>, Error> {
         if self.constraints.is_none() {
             let (domain, periodic) = (space.domain(), space.periodic());
-            let constraints = Constraints::new(self.start.view(), domain, self.options.boundary);
-            self.constraints = Some(constraints.released(periodic));
+            self.constraints = Some(Constraints::in_space(self.start.view(), space.as_ref(), self.options.boundary));
             if let Some(triangles) = &mut self.triangles {
                 let period = |d: usize| if periodic[d] { domain.1[d] - domain.0[d] } else { f64::INFINITY };
                 triangles.close([period(0), period(D - 1)], |i| [self.start[[i, 0]], self.start[[i, D - 1]]]);
@@ -146,7 +140,7 @@ impl<const D: usize> MovingFit<D> {
     /// Moves points to foot points, as far as no triangle flips.
     pub(crate) fn correct(&mut self, map: &SplineMap<D>, moves: &mut Moves) -> Result<(), Error> {
         let found = foot_points(map, self.fit.points(), &self.constraints(), &self.options.foot_points)?;
-        count(moves, &found.report);
+        moves.count(&found.report);
         let FootPoints { mut parameters, mut cells, .. } = found;
         self.hold(map, &mut parameters, &mut cells, moves)?;
         self.fit.relocate(&parameters, &cells)?;
@@ -184,11 +178,7 @@ impl<const D: usize> MovingFit<D> {
 
     /// Root mean squared and largest distance, and the points outside the tolerance.
     pub(crate) fn measure(&mut self, map: &SplineMap<D>) -> Result<Measure, Error> {
-        let tolerance = self.options.tolerance;
-        let distances = self.fit.distances(map)?;
-        let deviation = adaptive::Deviation::new(distances, tolerance);
-        let outside = distances.iter().filter(|d| **d > tolerance).count();
-        Ok(Measure { rmse: deviation.rmse(), max: deviation.max, outside })
+        Ok(Measure::of(self.fit.distances(map)?, self.options.tolerance))
     }
 
     /// The guard against corrections that come too early: of the corrected map, the one before correction, and the one at
@@ -261,13 +251,48 @@ pub(crate) struct Measure {
     pub(crate) outside: usize,
 }
 
-/// Adds a search for foot points to the report of the space.
-pub(crate) fn count(moves: &mut Moves, report: &FootPointReport) {
-    let before = moves.corrections as f64;
-    moves.corrections += 1;
-    let mean = |sum: f64, next: f64| (sum * before + next) / (before + 1.0);
-    moves.accepted = mean(moves.accepted, report.accepted);
-    moves.mean_steps = mean(moves.mean_steps, report.mean_steps);
+impl Measure {
+    pub(crate) fn of(distances: &[f64], tolerance: f64) -> Self {
+        let deviation = Deviation::new(distances, tolerance);
+        let outside = distances.iter().filter(|d| **d > tolerance).count();
+        Self { rmse: deviation.rmse(), max: deviation.max, outside }
+    }
+}
+
+impl Moves {
+    /// The report of a space, before anything moves.
+    pub(crate) fn from(before: Measure) -> Self {
+        Self { rmse: [before.rmse; 2], outside: [before.outside; 2], ..Self::default() }
+    }
+
+    /// Adds a search for foot points.
+    pub(crate) fn count(&mut self, report: &FootPointReport) {
+        let before = self.corrections as f64;
+        self.corrections += 1;
+        let mean = |sum: f64, next: f64| (sum * before + next) / (before + 1.0);
+        self.accepted = mean(self.accepted, report.accepted);
+        self.mean_steps = mean(self.mean_steps, report.mean_steps);
+    }
+
+    /// Sets what was reached.
+    pub(crate) fn reach(&mut self, after: Measure) {
+        (self.rmse[1], self.outside[1]) = (after.rmse, after.outside);
+    }
+
+    /// Adds the ways between the parameters `(m, D)` at the start and at the end.
+    pub(crate) fn travel<const D: usize>(
+        &mut self,
+        space: &HierarchicalSpace<D>,
+        entry: &Array2<f64>,
+        moved: &Array2<f64>,
+    ) {
+        for (a, b) in entry.outer_iter().zip(moved.outer_iter()) {
+            let way = space.way(std::array::from_fn(|d| a[d]), std::array::from_fn(|d| b[d]));
+            let length = way.iter().map(|w| w * w).sum::<f64>().sqrt();
+            self.mean_move += length / entry.nrows() as f64;
+            self.max_move = self.max_move.max(length);
+        }
+    }
 }
 
 impl<const D: usize> Solve<D> for MovingFit<D> {
@@ -282,25 +307,17 @@ impl<const D: usize> Solve<D> for MovingFit<D> {
         let clock = Instant::now();
         let entry = self.parameters();
         let before = self.measure(&fixed)?;
-        let mut moves = Moves { rmse: [before.rmse; 2], outside: [before.outside; 2], ..Moves::default() };
+        let mut moves = Moves::from(before);
         let mut map = fixed.clone();
         if before.max > self.options.tolerance {
             map = self.move_parameters(fixed.clone(), previous, &mut moves)?;
             if self.options.guard {
                 map = self.guarded(map, (fixed, before, &entry), &mut moves)?;
             }
-            let after = self.measure(&map)?;
-            moves.rmse[1] = after.rmse;
-            moves.outside[1] = after.outside;
+            moves.reach(self.measure(&map)?);
         }
         let moved = self.parameters();
-        let parameter = |of: &Array2<f64>, i: usize| std::array::from_fn(|d| of[[i, d]]);
-        let lengths = (0..entry.nrows())
-            .map(|i| space.way(parameter(&moved, i), parameter(&entry, i)).iter().map(|w| w * w).sum::<f64>().sqrt());
-        for length in lengths {
-            moves.mean_move += length / entry.nrows() as f64;
-            moves.max_move = moves.max_move.max(length);
-        }
+        moves.travel(space, &entry, &moved);
         if let Some(triangles) = &self.triangles {
             moves.folds = triangles.flipped(|i| [moved[[i, 0]], moved[[i, D - 1]]]).len();
         }

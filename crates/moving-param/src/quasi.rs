@@ -3,15 +3,15 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use adaptive::{Deviation, Estimate, Solution, Solve};
+use adaptive::{Estimate, Solution, Solve};
 use fit_ls::SortedPoints;
 use fit_qi::QuasiInterpolation;
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
+use thb_core::{HierarchicalSpace, SplineMap};
 
 use crate::constraint::Constraints;
 use crate::foot_point::{FootPoints, foot_points};
-use crate::moving::{Moves, count};
+use crate::moving::{Measure, Moves};
 use crate::{Boundary, Error, FootPointOptions};
 
 /// How parameters move.
@@ -87,19 +87,11 @@ impl<const D: usize> MovingQuasi<D> {
 
     /// The present parameters, `(m, D)`, in the order in which the points were given.
     pub fn parameters(&self) -> Array2<f64> {
-        let points = self.method.points();
-        let mut parameters = Array2::zeros((points.len(), D));
-        for (at, &index) in points.order().iter().enumerate() {
-            (0..D).for_each(|d| parameters[[index as usize, d]] = points.parameters(d)[at]);
-        }
-        parameters
+        self.method.points().parameters_as_given()
     }
 
-    fn measure(&mut self, map: &SplineMap<D>) -> Result<(Deviation, usize), Error> {
-        let tolerance = self.options.tolerance;
-        let distances = self.method.distances(map)?;
-        let outside = distances.iter().filter(|d| **d > tolerance).count();
-        Ok((Deviation::new(distances, tolerance), outside))
+    fn measure(&mut self, map: &SplineMap<D>) -> Result<Measure, Error> {
+        Ok(Measure::of(self.method.distances(map)?, self.options.tolerance))
     }
 }
 
@@ -115,32 +107,22 @@ impl<const D: usize> Solve<D> for MovingQuasi<D> {
         let clock = Instant::now();
         let constraints = self
             .constraints
-            .get_or_insert_with(|| {
-                let constraints = Constraints::new(self.start.view(), space.domain(), self.options.boundary);
-                constraints.released(space.periodic())
-            })
+            .get_or_insert_with(|| Constraints::in_space(self.start.view(), space.as_ref(), self.options.boundary))
             .clone();
         let entry = self.parameters();
-        let (before, outside) = self.measure(&map)?;
-        let mut moves = Moves { rmse: [before.rmse(); 2], outside: [outside; 2], ..Moves::default() };
+        let before = self.measure(&map)?;
+        let mut moves = Moves::from(before);
         if before.max > self.options.tolerance {
             for _ in 0..self.options.corrections {
                 let found = foot_points(&map, self.method.points(), &constraints, &self.options.foot_points)?;
-                count(&mut moves, &found.report);
+                moves.count(&found.report);
                 let FootPoints { parameters, cells, .. } = found;
                 self.method.relocate(&parameters, &cells)?;
                 map = self.method.fit(space)?;
             }
-            let (after, outside) = self.measure(&map)?;
-            (moves.rmse[1], moves.outside[1]) = (after.rmse(), outside);
+            moves.reach(self.measure(&map)?);
         }
-        let moved = self.parameters();
-        for (a, b) in entry.outer_iter().zip(moved.outer_iter()) {
-            let way = space.way(std::array::from_fn(|d| a[d]), std::array::from_fn(|d| b[d]));
-            let length = way.iter().map(|w| w * w).sum::<f64>().sqrt();
-            moves.mean_move += length / entry.nrows() as f64;
-            moves.max_move = moves.max_move.max(length);
-        }
+        moves.travel(space, &entry, &self.parameters());
         tracing::debug!(?moves, "parameters moved");
         self.reports.push(moves);
         let solve_seconds = solve_seconds + clock.elapsed().as_secs_f64();

@@ -10,7 +10,7 @@ use ndarray::{Array1, Array2};
 use point_cloud::BoundingBox;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
-use crate::fitting::{self, FAR, Fitted, Problem};
+use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
 use crate::parameter_options::Domain;
 use crate::parameters::{extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
@@ -94,8 +94,8 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         tolerance,
         diagonal,
     };
-    let Fitted { method, map, stop, failure, history: iterations, moves, quasi, parameters, errors, lambda, dhd, hsd } =
-        fitting::fit(&problem, &space, options, watch)?;
+    let Attempt { method, fitted, dhd, hsd } = fitting::fit(&problem, &space, options, watch)?;
+    let Fitted { map, stop, failure, history: iterations, moves, quasi, parameters, errors, lambda } = fitted;
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
     }

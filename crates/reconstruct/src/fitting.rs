@@ -3,10 +3,10 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use adaptive::{Iteration, Outcome, Stop, run};
+use adaptive::{Iteration, Observer, Outcome, Stop, run};
 use fit_ls::{LeastSquares, directed_hausdorff, map_to_points};
 use moving_param::{Blend, Distance, JointOptions, Moves, MovingFit, Schedule};
-use ndarray::{Array1, Array2, ArrayView2};
+use ndarray::{Array1, Array2, ArrayView2, Axis};
 use point_cloud::LocalFrames;
 use thb_core::{HierarchicalSpace, Refinement, SplineMap};
 
@@ -30,8 +30,6 @@ const SOFTER: f64 = 0.1;
 
 /// What the loop left.
 pub(crate) struct Fitted {
-    /// The method; never [`Method::Auto`].
-    pub(crate) method: Method,
     pub(crate) map: SplineMap<2>,
     pub(crate) stop: Stop,
     /// Why the last refinement could not be solved.
@@ -46,20 +44,27 @@ pub(crate) struct Fitted {
     /// Distance of each point to the surface at its parameters.
     pub(crate) errors: Array1<f64>,
     pub(crate) lambda: f64,
+}
+
+/// What a method left, measured.
+pub(crate) struct Attempt {
+    /// The method; never [`Method::Auto`].
+    pub(crate) method: Method,
+    pub(crate) fitted: Fitted,
     /// Largest distance of a point to the surface.
     pub(crate) dhd: f64,
     /// That, or of a sample of the surface to the points if larger.
     pub(crate) hsd: f64,
 }
 
-impl Fitted {
+impl Attempt {
     fn reached(&self) -> bool {
-        self.stop == Stop::ToleranceReached
+        self.fitted.stop == Stop::ToleranceReached
     }
 
     /// Better is what stays near the points, then what reached the tolerance, then what has more points within it.
     fn rank(&self, problem: &Problem<'_>) -> (bool, bool, f64) {
-        let within = self.history.last().map_or(0.0, |last| last.deviation.within);
+        let within = self.fitted.history.last().map_or(0.0, |last| last.deviation.within);
         (self.hsd <= FAR * problem.diagonal, self.reached(), within)
     }
 }
@@ -81,13 +86,13 @@ pub(crate) fn fit(
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
     watch: &mut Watch<'_>,
-) -> Result<Fitted, Error> {
+) -> Result<Attempt, Error> {
     let _ = watch(Event::Step("fitting"));
     if options.method != Method::Auto {
-        return fit_by(options.method, problem, space, options, watch);
+        return attempt(options.method, problem, space, options, watch);
     }
-    let mut best = fit_by(Method::Joint, problem, space, options, watch)?;
-    let softer = FitOptions { lambda: LambdaChoice::Fixed(SOFTER * best.lambda), ..options.clone() };
+    let mut best = attempt(Method::Joint, problem, space, options, watch)?;
+    let softer = FitOptions { lambda: LambdaChoice::Fixed(SOFTER * best.fitted.lambda), ..options.clone() };
     let may_be_softer = options.lambda == LambdaChoice::Auto && !best.reached();
     let others = [
         (Method::Joint, &softer, "fitting with less smoothing"),
@@ -95,11 +100,11 @@ pub(crate) fn fit(
     ];
     for (method, options, step) in others.into_iter().skip(usize::from(!may_be_softer)) {
         let (near, reached, _) = best.rank(problem);
-        if near && reached || best.stop == Stop::Interrupted {
+        if near && reached || best.fitted.stop == Stop::Interrupted {
             break;
         }
         let _ = watch(Event::Step(step));
-        let other = fit_by(method, problem, space, options, watch)?;
+        let other = attempt(method, problem, space, options, watch)?;
         tracing::info!(best = ?best.rank(problem), other = ?other.rank(problem), "near the points, reached, within");
         if other.rank(problem) > best.rank(problem) {
             best = other;
@@ -108,48 +113,71 @@ pub(crate) fn fit(
     Ok(best)
 }
 
-/// Fits by one method.
-fn fit_by(
+/// Fits by one method, and measures what comes out.
+fn attempt(
     method: Method,
     problem: &Problem<'_>,
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
     watch: &mut Watch<'_>,
-) -> Result<Fitted, Error> {
-    let space = space.clone();
-    let fitting = fit_ls::Options {
+) -> Result<Attempt, Error> {
+    let rules = loop_options(options, problem.tolerance, problem.points.nrows());
+    let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
+    let fitted = match (method, moving_method(method, problem, options)?) {
+        (Method::Qi | Method::AQi, _) => quasi::fit(method, problem, space, options, &rules, &mut observer)?,
+        (_, Some(moving)) => moving_parameters(moving, problem, space, options, &rules, &mut observer)?,
+        (_, None) => fixed_parameters(problem, space, options, &rules, &mut observer)?,
+    };
+    let _ = watch(Event::Step("measuring the surface"));
+    let dhd = directed_hausdorff(&fitted.map, fitted.parameters.view(), problem.points)?;
+    let hsd = dhd.max(map_to_points(&fitted.map, problem.points, SAMPLES)?);
+    Ok(Attempt { method, fitted, dhd, hsd })
+}
+
+fn least_squares_options(problem: &Problem<'_>, options: &FitOptions) -> fit_ls::Options<2> {
+    fit_ls::Options {
         lambda: options.lambda.resolve(problem.tolerance),
         quadrature: options.energy.quadrature(),
         ..fit_ls::Options::default()
-    };
-    let rules = loop_options(options, problem.tolerance, problem.points.nrows());
-    let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
-    if matches!(method, Method::Qi | Method::AQi) {
-        return quasi::fit(method, problem, space, options, &rules, &mut observer);
     }
-    let Some(moving) = moving_method(method, problem, options)? else {
-        let mut solver = LeastSquares::new(problem.parameters, problem.points, None, fitting)?;
-        let Outcome { map, stop, failure, history, .. } = run(&mut solver, space, &rules, &mut observer)?;
-        let sorted = solver.distances(&map)?.to_vec();
-        let (dhd, hsd) = hausdorff(&map, problem.parameters, problem.points)?;
-        return Ok(Fitted {
-            method,
-            dhd,
-            hsd,
-            errors: in_order_of_points(solver.points().order(), &sorted),
-            lambda: solver.lambda().unwrap_or(0.0),
-            parameters: problem.parameters.to_owned(),
-            failure: failure.map(|error| error.to_string()),
-            moves: Vec::new(),
-            quasi: Vec::new(),
-            map,
-            stop,
-            history,
-        });
-    };
+}
+
+fn fixed_parameters(
+    problem: &Problem<'_>,
+    space: &Arc<HierarchicalSpace<2>>,
+    options: &FitOptions,
+    rules: &adaptive::Options<2>,
+    observer: &mut dyn Observer,
+) -> Result<Fitted, Error> {
+    let fitting = least_squares_options(problem, options);
+    let mut solver = LeastSquares::new(problem.parameters, problem.points, None, fitting)?;
+    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
+    let sorted = solver.distances(&map)?.to_vec();
+    Ok(Fitted {
+        errors: in_order_of_points(solver.points().order(), &sorted),
+        lambda: solver.lambda().unwrap_or(0.0),
+        parameters: problem.parameters.to_owned(),
+        failure: failure.map(|error| error.to_string()),
+        moves: Vec::new(),
+        quasi: Vec::new(),
+        map,
+        stop,
+        history,
+    })
+}
+
+fn moving_parameters(
+    method: moving_param::Method,
+    problem: &Problem<'_>,
+    space: &Arc<HierarchicalSpace<2>>,
+    options: &FitOptions,
+    rules: &adaptive::Options<2>,
+    observer: &mut dyn Observer,
+) -> Result<Fitted, Error> {
     // The weight is chosen at the first parameters, as for a fit that keeps them.
+    let fitting = least_squares_options(problem, options);
     let settings = moving_param::Options {
-        method: moving,
+        method,
         boundary: options.boundary.constraint(),
         tolerance: problem.tolerance,
         ..moving_param::Options::default()
@@ -158,16 +186,10 @@ fn fit_by(
     if !problem.triangles.is_empty() {
         solver = solver.with_triangles(problem.triangles)?;
     }
-    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space, &rules, &mut observer)?;
+    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
     let parameters = solver.parameters();
-    let image = map.eval_batch(parameters.view())?;
-    let errors = (&image - &problem.points).mapv(|x| x * x).sum_axis(ndarray::Axis(1)).mapv(f64::sqrt);
-    let (dhd, hsd) = hausdorff(&map, parameters.view(), problem.points)?;
     Ok(Fitted {
-        method,
-        dhd,
-        hsd,
-        errors,
+        errors: errors_at(&map, &parameters, problem.points)?,
         lambda: solver.lambda().unwrap_or(0.0),
         moves: solver.reports().to_vec(),
         quasi: Vec::new(),
@@ -205,14 +227,14 @@ fn moving_method(
     }))
 }
 
-/// The one-sided distance from points to surface, and the two-sided one.
-pub(crate) fn hausdorff(
+/// Distances of points to the surface at their parameters.
+pub(crate) fn errors_at(
     map: &SplineMap<2>,
-    parameters: ArrayView2<'_, f64>,
+    parameters: &Array2<f64>,
     points: ArrayView2<'_, f64>,
-) -> Result<(f64, f64), Error> {
-    let dhd = directed_hausdorff(map, parameters, points)?;
-    Ok((dhd, dhd.max(map_to_points(map, points, SAMPLES)?)))
+) -> Result<Array1<f64>, Error> {
+    let image = map.eval_batch(parameters.view())?;
+    Ok((&image - &points).mapv(|x| x * x).sum_axis(Axis(1)).mapv(f64::sqrt))
 }
 
 /// The principal curvature of largest magnitude at each point.

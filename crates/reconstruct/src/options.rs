@@ -103,9 +103,6 @@ impl FitOptions {
     pub fn check(&self) -> Result<(), Error> {
         self.parameters.check()?;
         self.quasi.check()?;
-        let range = |option, given: String, allowed, ok: bool| {
-            if ok { Ok(()) } else { Err(Error::OptionRange { option, given, allowed }) }
-        };
         let degrees = self.degree.0.iter().all(|p| (1..=MAX_DEGREE).contains(p));
         range("--degree", self.degree.to_string(), "1 to 8", degrees)?;
         range(
@@ -131,6 +128,11 @@ impl FitOptions {
         }
         Ok(())
     }
+}
+
+/// The check of an option's range.
+pub(crate) fn range(option: &'static str, given: String, allowed: &'static str, ok: bool) -> Result<(), Error> {
+    if ok { Ok(()) } else { Err(Error::OptionRange { option, given, allowed }) }
 }
 
 /// An option that cannot be read.

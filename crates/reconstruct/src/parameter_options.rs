@@ -9,7 +9,7 @@ use param_classic::{Radius, Rule};
 use serde::Serialize;
 
 use crate::Error;
-use crate::options::{ParseOptionError, named, parse_error, serialize_as_typed};
+use crate::options::{ParseOptionError, named, parse_error, range, serialize_as_typed};
 
 /// How a scan is read, cleaned and laid out on the unit square.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -75,9 +75,6 @@ impl ParameterOptions {
     /// # Errors
     /// [`Error::OptionRange`].
     pub fn check(&self) -> Result<(), Error> {
-        let range = |option, given: String, allowed, ok: bool| {
-            if ok { Ok(()) } else { Err(Error::OptionRange { option, given, allowed }) }
-        };
         let unit = self.closed == Closed::None || self.domain == Domain::Unit;
         range(
             "--closed",

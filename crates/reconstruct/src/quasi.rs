@@ -5,12 +5,11 @@ use std::sync::Arc;
 use adaptive::{Observer, Outcome, run};
 use fit_qi::{LocalLambda, QuasiInterpolation, Work};
 use moving_param::{Moves, MovingQuasi};
-use ndarray::Axis;
 use serde::Serialize;
 use thb_core::{HierarchicalSpace, Refinement};
 
-use crate::fitting::{Fitted, Problem, hausdorff};
-use crate::options::{LambdaChoice, Method, named, serialize_as_typed};
+use crate::fitting::{Fitted, Problem, errors_at};
+use crate::options::{LambdaChoice, Method, named, range, serialize_as_typed};
 use crate::{Error, FitOptions, Pair};
 
 named!(
@@ -60,9 +59,6 @@ impl QuasiOptions {
     /// # Errors
     /// [`Error::OptionRange`].
     pub(crate) fn check(&self) -> Result<(), Error> {
-        let range = |option, given: String, allowed, ok: bool| {
-            if ok { Ok(()) } else { Err(Error::OptionRange { option, given, allowed }) }
-        };
         let number = |n: Option<usize>| n.map_or(String::new(), |n| n.to_string());
         range("--n-min", number(self.n_min), "3 or more", self.n_min.is_none_or(|n| n >= 3))?;
         let enough = self.n_loc.is_none_or(|loc| loc >= self.n_min.unwrap_or(3));
@@ -124,7 +120,7 @@ impl QuasiReport {
 pub(crate) fn fit(
     method: Method,
     problem: &Problem<'_>,
-    space: Arc<HierarchicalSpace<2>>,
+    space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
     rules: &adaptive::Options<2>,
     observer: &mut dyn Observer,
@@ -139,18 +135,12 @@ pub(crate) fn fit(
         ..moving_param::QuasiOptions::default()
     };
     let mut solver = MovingQuasi::new(problem.parameters, problem.points, None, local, moving)?;
-    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space, &rules, observer)?;
+    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), &rules, observer)?;
     let parameters = solver.parameters();
-    let image = map.eval_batch(parameters.view())?;
-    let errors = (&image - &problem.points).mapv(|x| x * x).sum_axis(Axis(1)).mapv(f64::sqrt);
-    let (dhd, hsd) = hausdorff(&map, parameters.view(), problem.points)?;
     let quasi: &QuasiInterpolation<2> = solver.quasi_interpolation();
     let reports = solver.reports().to_vec();
     Ok(Fitted {
-        method,
-        dhd,
-        hsd,
-        errors,
+        errors: errors_at(&map, &parameters, problem.points)?,
         lambda: quasi.lambda().and_then(LocalLambda::number).unwrap_or(0.0),
         quasi: QuasiReport::of(quasi.work(), &reports),
         moves: if method == Method::AQi { reports } else { Vec::new() },

@@ -1,5 +1,7 @@
 //! Periodic directions: the theorems about splines that close on themselves, over degrees, levels and random refinements.
 
+mod common;
+
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -9,6 +11,8 @@ use thb_core::{
     CellSpace, Error, HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement, SplineMap, SymmetricPattern,
     TensorSpace, ThinPlate, transfer,
 };
+
+use self::common::random_map;
 
 fn knots(degree: usize, elements: usize, periodic: bool) -> KnotVector {
     let of = if periodic { KnotVector::uniform_periodic } else { KnotVector::uniform };
@@ -28,15 +32,6 @@ fn refined<const D: usize>(kind: Kind, knots: [KnotVector; D], choices: &[u16]) 
     }
     space.check_invariants().unwrap();
     space
-}
-
-fn random_map<const D: usize>(space: HierarchicalSpace<D>, seed: u64) -> SplineMap<D> {
-    let mut state = seed | 1;
-    let coefficients = Array2::from_shape_simple_fn((space.n_functions(), 2), || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
-    });
-    SplineMap::new(Arc::new(space), coefficients).unwrap()
 }
 
 fn sites() -> Vec<f64> {

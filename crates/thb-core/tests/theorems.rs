@@ -1,5 +1,7 @@
 //! The theorems about HB- and THB-splines, over a grid of degrees, levels and random refinements.
 
+mod common;
+
 use std::sync::Arc;
 
 use ndarray::Array2;
@@ -8,6 +10,8 @@ use thb_core::{
     CellSpace, Error, Extraction, HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement, SplineMap,
     SymmetricPattern, ThinPlate, transfer,
 };
+
+use self::common::random_map;
 
 /// A space refined at random places: `choices` picks one leaf cell a round.
 fn refined<const D: usize>(kind: Kind, degree: usize, elements: usize, choices: &[u16]) -> HierarchicalSpace<D> {
@@ -20,15 +24,6 @@ fn refined<const D: usize>(kind: Kind, degree: usize, elements: usize, choices: 
     }
     space.check_invariants().unwrap();
     space
-}
-
-fn random_map<const D: usize>(space: HierarchicalSpace<D>, seed: u64) -> SplineMap<D> {
-    let mut state = seed | 1;
-    let coefficients = Array2::from_shape_simple_fn((space.n_functions(), 2), || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
-    });
-    SplineMap::new(Arc::new(space), coefficients).unwrap()
 }
 
 /// Parameters inside cells, on their edges and at the ends of the domain.

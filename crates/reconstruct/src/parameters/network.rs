@@ -1,6 +1,6 @@
 //! Parameters by the networks that come with the program.
 
-use ndarray::{Array2, ArrayView2, Axis};
+use ndarray::{Array2, ArrayView2};
 use param_classic::{BoundaryParameters, ParamError};
 use param_nn::{Bidgcn, grid_parameters};
 use point_cloud::GridShape;
@@ -22,6 +22,5 @@ pub(super) fn of_grid(points: ArrayView2<'_, f64>, shape: GridShape) -> Result<A
 
 /// Parameters of a cloud with known boundary by BIDGCN.
 pub(super) fn of_cloud(points: ArrayView2<'_, f64>, fixed: &BoundaryParameters) -> Result<Array2<f64>, Error> {
-    debug_assert_eq!(fixed.parameters.len_of(Axis(0)), fixed.points.len());
     Ok(Bidgcn::embedded()?.predict(points, &fixed.points, fixed.parameters.view())?)
 }
