@@ -30,11 +30,11 @@ fn a_method_left_open_moves_parameters_unless_fixed_ones_end_better() {
     // One level is too few for the last tolerance: the better of both surfaces is kept.
     for limits in ["--tol 0.05%", "--tol 0.001% --levels 1 --within 1"] {
         let fit = |method: &str| {
-            let run = lab.thb(&format!("fit scan.off {limits} {method} -o part.json --report r.json"));
+            let run = lab.thb(&format!("fit scan.off {limits} --method {method} -o part.json --report r.json"));
             assert!([0, 3].contains(&run.code), "{limits} {method}: {}", run.code);
             lab.json("r.json")["result"].clone()
         };
-        let [open, fixed] = ["", "--method ls"].map(fit);
+        let [open, fixed] = ["auto", "ls"].map(fit);
         let within = |result: &serde_json::Value| result["within"].as_f64().unwrap();
         assert!(open["reached"] == true || within(&open) >= within(&fixed), "{limits}: {open} {fixed}");
         chosen.push(open["method"].as_str().unwrap().to_owned());
