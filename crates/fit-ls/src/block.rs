@@ -57,4 +57,20 @@ impl BlockEquations {
         }
         Ok(equations)
     }
+
+    /// Adds the equations of further points in the same space.
+    ///
+    /// # Errors
+    /// [`Error::DifferentSpaces`].
+    pub fn merge(&mut self, other: &Self) -> Result<(), Error> {
+        let patterns = self.matrices.iter().zip(&other.matrices).all(|(a, b)| a.pattern() == b.pattern());
+        if !patterns || self.right.dim() != other.right.dim() {
+            return Err(Error::DifferentSpaces);
+        }
+        for (matrix, other) in self.matrices.iter_mut().zip(&other.matrices) {
+            matrix.values_mut().iter_mut().zip(other.values()).for_each(|(x, y)| *x += y);
+        }
+        self.right += &other.right;
+        Ok(())
+    }
 }

@@ -28,6 +28,7 @@
 mod block;
 mod boundary;
 mod cholesky;
+mod creases;
 mod error;
 mod kernel;
 mod lambda;
@@ -39,6 +40,7 @@ mod sorted;
 pub use block::BlockEquations;
 pub use boundary::{Side, boundary_coefficients, boundary_functions};
 pub use cholesky::{Cholesky, FactorizationError};
+pub use creases::creases;
 pub use error::Error;
 pub use kernel::CellSums;
 pub use lambda::{Lambda, automatic_lambda};

@@ -157,6 +157,8 @@ fn parse(name: &str) -> Result<Method, Failure> {
                 polish: number(2, default.polish as f64)? as usize,
                 emphasis: number(3, default.emphasis as f64)? as usize,
                 stiffness: number(4, default.stiffness)?,
+                between: number(5, default.between)?,
+                regularity: number(6, default.regularity)?,
             })
         }
         "j-pdm" => Method::JointLbfgs(match parts[..] {

@@ -67,8 +67,9 @@ impl<const D: usize> MovingFit<D> {
         // The matrix of point distances has the sum of the weights of a function's points on its diagonal.
         let scale = points.total_weight() / boundary.len() as f64;
         let mut ridge = damping * scale;
+        let equations = system.equations(map, points, &columns)?;
         for _ in 0..ATTEMPTS {
-            if let Some(step) = system.step(&space, points, &columns, &coefficients, ridge, &given)? {
+            if let Some(step) = system.step(&equations, ridge, &given, |_, _| ())? {
                 self.system = Some((space.clone(), system));
                 return stepped(&space, &coefficients, &step);
             }

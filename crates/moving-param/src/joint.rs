@@ -5,14 +5,16 @@
 //! is eliminated exactly, as in bundle adjustment: what remains for δc are least squares with the matrices
 //! `W_i = I − T_i (T_iᵀT_i + μ diag)⁻¹ T_iᵀ`, which lie between tangent distances (μ = 0) and point distances (μ = ∞).
 
-use thb_core::{CellSpace, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, SplineMap, transfer};
 
 use crate::anchor::Anchor;
+use crate::between::Between;
 use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from, seek_anew};
 use crate::frame::{Frame, Share, columns, frames};
 use crate::moving::{Moves, MovingFit};
 use crate::patch::dot;
-use crate::system::{StepSystem, stepped};
+use crate::regularity::{self, Regularity, Sheet};
+use crate::system::StepSystem;
 use crate::{Error, JointOptions};
 
 /// Damping of the first step.
@@ -49,10 +51,19 @@ impl<const D: usize> MovingFit<D> {
     pub(crate) fn joint(
         &mut self,
         map: SplineMap<D>,
+        previous: Option<&SplineMap<D>>,
         options: &JointOptions,
         moves: &mut Moves,
     ) -> Result<SplineMap<D>, Error> {
         let space = map.space().clone();
+        let map = match previous {
+            // A fit at parameters that have moved may fold where what was reached before does not.
+            Some(previous) if options.regularity > 0.0 => {
+                let reached = SplineMap::new(space.clone(), transfer(previous, &space)?)?;
+                if regularity::turned(&map, &reached) { reached } else { map }
+            }
+            _ => map,
+        };
         let mut system = self.take_system(&space)?;
         // Weights by index: sorted positions change with the parameters.
         let mut weights = self.weights.clone().unwrap_or_else(|| vec![1.0; self.fit.points().len()]);
@@ -122,6 +133,7 @@ impl<const D: usize> MovingFit<D> {
     ) -> Result<SplineMap<D>, Error> {
         let space = map.space().clone();
         let constraints = self.constraints();
+        let (between, regularity) = (self.between(&space, options)?, self.regularity(&space, options));
         let mut slow = 0;
         'steps: for _ in 0..max_steps {
             let points = self.fit.points();
@@ -136,20 +148,28 @@ impl<const D: usize> MovingFit<D> {
                 break;
             }
             let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
-            let coefficients = map.coefficients().to_owned();
+            let sheet = regularity.as_ref().map(|regularity| Sheet::new(regularity, &map));
             let objective = squares(&distances, &weights)
                 + self.springs(|at| points.parameter(at), &weights)
-                + system.energy_part(&coefficients);
+                + system.energy_part(&map.coefficients().to_owned())
+                + between.as_ref().map_or(Ok(0.0), |b| b.energy(&map, points, |at| points.parameter(at)))?
+                + sheet.as_ref().map_or(0.0, Sheet::energy);
+            let further = between.as_ref().map(|b| b.equations(&map, system.pattern(), points)).transpose()?;
             let lowered = loop {
                 let share = |at: usize| Share { point: 0.0, damping: *damping, weight: weights[at] };
                 let columns = columns(self.fit.points(), &frames, &constraints, share);
-                let step = system.step(&space, self.fit.points(), &columns, &coefficients, 0.0, &Vec::new())?;
-                if let Some(step) = step {
-                    let trial = stepped(&space, &coefficients, &step)?;
+                let mut equations = system.equations(&map, self.fit.points(), &columns)?;
+                if let Some(further) = &further {
+                    equations.merge(further)?;
+                }
+                if let Some((trial, folds)) = regularity::step(system, &equations, &map, sheet.as_ref())? {
                     let found = self.follow(&trial, &frames, *damping, options.polish, moves)?;
+                    let parameter = |at: usize| found.parameters[at];
                     let new = squares(&found.distances, &weights)
-                        + self.springs(|at| found.parameters[at], &weights)
-                        + system.energy_part(&trial.coefficients().to_owned());
+                        + self.springs(parameter, &weights)
+                        + system.energy_part(&trial.coefficients().to_owned())
+                        + between.as_ref().map_or(Ok(0.0), |b| b.energy(&trial, self.fit.points(), parameter))?
+                        + folds;
                     if new < objective {
                         moves.count(&found.report);
                         self.fit.relocate(&found.parameters, &found.cells)?;
@@ -171,6 +191,26 @@ impl<const D: usize> MovingFit<D> {
             }
         }
         Ok(map)
+    }
+
+    /// The samples between points that hold the surface in a space, if any.
+    fn between(&self, space: &HierarchicalSpace<D>, options: &JointOptions) -> Result<Option<Between>, Error> {
+        match &self.triangles {
+            Some(triangles) if options.between > 0.0 => {
+                Between::new(triangles.corners(), space, self.fit.points(), options.between)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// The penalty on folds of surfaces in space: a sample that folds costs as much as its share of the points would at
+    /// `√regularity` times the tolerance, up to a factor.
+    fn regularity(&self, space: &HierarchicalSpace<D>, options: &JointOptions) -> Option<Regularity> {
+        let points = self.fit.points();
+        (options.regularity > 0.0 && D == 2 && points.dim() == 3).then(|| {
+            let weight = options.regularity * self.options.tolerance.powi(2) * points.total_weight();
+            Regularity::new(space.degree(), weight / space.n_cells() as f64)
+        })
     }
 
     /// Half the weighted energy of the springs, parameters and weights by the places of the sorted points.

@@ -49,6 +49,7 @@
 
 mod alternating;
 mod anchor;
+mod between;
 mod constraint;
 mod descent;
 mod error;
@@ -61,6 +62,7 @@ mod moving;
 mod options;
 mod patch;
 mod quasi;
+mod regularity;
 mod samples;
 mod system;
 

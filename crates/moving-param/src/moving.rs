@@ -49,7 +49,7 @@ pub struct MovingFit<const D: usize> {
     pub(crate) fit: LeastSquares<D>,
     pub(crate) options: Options,
     pub(crate) constraints: Option<Constraints<D>>,
-    triangles: Option<Triangles>,
+    pub(crate) triangles: Option<Triangles>,
     pub(crate) anchor: Option<Anchor<D>>,
     pub(crate) system: Option<(Arc<HierarchicalSpace<D>>, StepSystem)>,
     /// Weights of the caller, in the order of the points.
@@ -225,7 +225,7 @@ impl<const D: usize> MovingFit<D> {
     ) -> Result<SplineMap<D>, Error> {
         match self.options.method.clone() {
             Method::Alternating { distance, corrections } => self.alternate(map, &distance, corrections, moves),
-            Method::Joint(joint) => self.joint(map, &joint, moves),
+            Method::Joint(joint) => self.joint(map, previous, &joint, moves),
             Method::JointLbfgs(schedule) => self.joint_lbfgs(map, previous, schedule, moves),
         }
     }

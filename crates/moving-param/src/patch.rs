@@ -196,6 +196,17 @@ pub(crate) fn padded(row: &[f64]) -> Vector {
     vector
 }
 
+/// A vector of length 1 in the same direction; zero stays.
+pub(crate) fn unit(v: Vector) -> Vector {
+    let length = dot(&v, &v).sqrt().max(f64::MIN_POSITIVE);
+    v.map(|x| x / length)
+}
+
+/// The cross product in space.
+pub(crate) fn cross(a: &Vector, b: &Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0], 0.0]
+}
+
 #[inline(always)]
 pub(crate) fn dot(a: &Vector, b: &Vector) -> f64 {
     (a[0] * b[0] + a[2] * b[2]) + (a[1] * b[1] + a[3] * b[3])

@@ -27,6 +27,11 @@ impl StepSystem {
         Ok(Self { energy, lambda, blocked, solver, dim })
     }
 
+    /// The pattern of the equations of one coordinate.
+    pub(crate) fn pattern(&self) -> &SymmetricPattern {
+        self.energy.pattern()
+    }
+
     /// `λ G c`, the gradient of the energy's part of the objective.
     pub(crate) fn energy_gradient(&self, coefficients: &Array2<f64>) -> Array2<f64> {
         let mut gradient = Array2::zeros(coefficients.raw_dim());
@@ -43,37 +48,52 @@ impl StepSystem {
         0.5 * gradient.iter().zip(coefficients).map(|(g, c)| g * c).sum::<f64>()
     }
 
-    /// The step `δc` that minimizes `½ Σ (r + Bδc)ᵀ W (r + Bδc) + ½ λ J(c + δc) + ½ ν |δc|²`, with some steps given.
-    /// `None` if the equations are singular.
-    pub(crate) fn step<const D: usize>(
-        &mut self,
-        space: &HierarchicalSpace<D>,
+    /// The equations of a step from a map: those of the points, `Σ B (q − W B δc)`, and of the energy.
+    pub(crate) fn equations<const D: usize>(
+        &self,
+        map: &SplineMap<D>,
         points: &SortedPoints<D>,
         columns: &Columns,
-        coefficients: &Array2<f64>,
-        ridge: f64,
-        given: &Fixed,
-    ) -> Result<Option<Array2<f64>>, Error> {
+    ) -> Result<BlockEquations, Error> {
         let pattern = self.energy.pattern();
-        let equations = BlockEquations::new(space, pattern, points, &columns.weights, &columns.right)?;
-        let BlockEquations { mut matrices, mut right } = equations;
-        right -= &self.energy_gradient(coefficients);
+        let space = map.space().as_ref();
+        let mut equations = BlockEquations::new(space, pattern, points, &columns.weights, &columns.right)?;
+        equations.right -= &self.energy_gradient(&map.coefficients().to_owned());
         let mut diagonal = 0;
         for a in 0..self.dim {
-            let values = matrices[diagonal].values_mut();
+            let values = equations.matrices[diagonal].values_mut();
             values.iter_mut().zip(self.energy.values()).for_each(|(x, g)| *x += self.lambda * g);
-            pattern.columns()[..pattern.n()].iter().for_each(|&first| values[first] += ridge);
             diagonal += self.dim - a;
         }
-        let mut matrix = SymmetricMatrix::from_blocks(&self.blocked, &matrices, self.dim)?;
-        let mut flat = Array2::from_shape_fn((right.len(), 1), |(i, _)| right[[i / self.dim, i % self.dim]]);
+        Ok(equations)
+    }
+
+    /// The step `δc` that solves equations, with `½ ν |δc|²` added to what they minimize, some steps given, and what
+    /// `coupled` adds to matrix and right-hand side, unknown `k` of function `j` at `j N + k`. `None` if they are singular.
+    pub(crate) fn step(
+        &mut self,
+        equations: &BlockEquations,
+        ridge: f64,
+        given: &Fixed,
+        coupled: impl FnOnce(&mut SymmetricMatrix, &mut Array2<f64>),
+    ) -> Result<Option<Array2<f64>>, Error> {
+        let BlockEquations { matrices, right } = equations;
+        let mut matrix = SymmetricMatrix::from_blocks(&self.blocked, matrices, self.dim)?;
+        let unknowns = right.len();
+        if ridge > 0.0 {
+            let values = matrix.values_mut();
+            self.blocked.columns()[..unknowns].iter().for_each(|&first| values[first] += ridge);
+        }
+        let mut flat = Array2::from_shape_fn((unknowns, 1), |(i, _)| right[[i / self.dim, i % self.dim]]);
+        coupled(&mut matrix, &mut flat);
         let scalar_rows = |(function, row): &(usize, Vec<f64>)| {
             let first = function * self.dim;
             row.iter().enumerate().map(move |(k, &x)| (first + k, vec![x])).collect::<Vec<_>>()
         };
         let fixed: Fixed = given.iter().flat_map(scalar_rows).collect();
         eliminate(&mut matrix, &mut flat, &fixed)?;
-        let Some(solution) = solve(&mut self.solver, &matrix, &flat, pattern.n())? else { return Ok(None) };
+        let functions = self.energy.pattern().n();
+        let Some(solution) = solve(&mut self.solver, &matrix, &flat, functions)? else { return Ok(None) };
         Ok(Some(Array2::from_shape_fn(right.raw_dim(), |(j, k)| solution[[j * self.dim + k, 0]])))
     }
 

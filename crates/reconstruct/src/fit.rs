@@ -94,7 +94,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         tolerance,
         diagonal,
     };
-    let Attempt { method, fitted, dhd, hsd } = fitting::fit(&problem, &space, options, watch)?;
+    let Attempt { method, fitted, dhd, hsd, creases } = fitting::fit(&problem, &space, options, watch)?;
     let Fitted { map, stop, failure, history: iterations, moves, quasi, parameters, errors, lambda } = fitted;
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
@@ -143,6 +143,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             lambda,
             dhd,
             hsd,
+            creases,
             seconds: start.elapsed().as_secs_f64(),
             stop: stop.name(),
             reached: stop == Stop::ToleranceReached,

@@ -69,7 +69,7 @@ impl Default for FitOptions {
     fn default() -> Self {
         Self {
             parameters: ParameterOptions::default(),
-            method: Method::Ls,
+            method: Method::Auto,
             corrections: 3,
             blend: BlendChoice::Error,
             damping: 1e-3,

@@ -109,6 +109,8 @@ pub struct ResultReport {
     /// Two-sided Hausdorff distance: also from samples of the surface to the points. Far above `dhd` where the surface
     /// spans a void or swings out between points.
     pub hsd: f64,
+    /// Share of neighbouring samples of the surface between which its normal turns by more than a right angle.
+    pub creases: f64,
     /// Seconds from the points to the result.
     pub seconds: f64,
     /// Why the loop ended: tolerance, levels, max-dofs, stagnation, iterations, interrupted, failed.

@@ -1,0 +1,291 @@
+//! A penalty that keeps surfaces from folding over.
+
+use ndarray::Array2;
+use rayon::prelude::*;
+use thb_core::{CellSpace, SplineMap, SymmetricMatrix, bernstein};
+
+use crate::Error;
+use crate::patch::{Vector, cross, dot, unit};
+use crate::system::{StepSystem, stepped};
+
+/// Samples per direction and cell, those at its ends included: surfaces crease where knot lines lose their area first. Folds
+/// are narrower than cells; of 4 and 8 samples only 8 kept them out.
+const SAMPLES: usize = 8;
+
+/// Samples of a cell.
+const PER_CELL: usize = SAMPLES * SAMPLES;
+
+/// `ε`: the share of its cell's mean area below which a sample is pushed.
+const LEAST_AREA: f64 = 0.2;
+
+/// Times that a step is computed anew because further samples would fold.
+const EXTENSIONS: usize = 3;
+
+/// Times that a step that still folds is halved.
+const HALVINGS: usize = 4;
+
+/// Adds `½ ω Σ_g max(0, ε − J_g)²` to the objective of the joint method, over samples g of all cells of a surface in space.
+///
+/// `J_g = (S_u × S_v) · n_g / a_g` says how the area around a sample has changed against the map before the step, which has
+/// the mean unit normal `n_g` around the sample and the mean area `a_g` in its cell. Where parameters move, points can
+/// leave a part of the domain whose image then folds at no distance from any of them.
+#[derive(Debug)]
+pub(crate) struct Regularity {
+    weight: f64,
+    /// For each sample of a cell the derivatives of the Bernstein polynomials in both directions, on the unit square.
+    slopes: Vec<[Vec<f64>; 2]>,
+}
+
+impl Regularity {
+    /// For surfaces of a degree, with the weight `64 ω` of a cell.
+    pub(crate) fn new<const D: usize>(degree: [usize; D], weight: f64) -> Self {
+        let [p, q] = [degree[0], degree[D - 1]];
+        let basis = |degree: usize, order: usize, sample: usize| {
+            let mut values = [0.0; thb_core::MAX_DEGREE + 1];
+            bernstein::derivatives(degree, order, sample as f64 / (SAMPLES - 1) as f64, &mut values);
+            values
+        };
+        let products = |sample: usize, orders: [usize; 2]| {
+            let (along, across) = (basis(p, orders[0], sample % SAMPLES), basis(q, orders[1], sample / SAMPLES));
+            across[..=q].iter().flat_map(|b| along[..=p].iter().map(move |a| a * b)).collect::<Vec<f64>>()
+        };
+        let slopes = (0..PER_CELL).map(|g| [products(g, [1, 0]), products(g, [0, 1])]).collect();
+        Self { weight: weight / PER_CELL as f64, slopes }
+    }
+
+    /// `S_u` and `S_v` at a sample.
+    fn tangents<const D: usize>(&self, map: &SplineMap<D>, sample: usize) -> [Vector; 2] {
+        let bezier = map.bezier();
+        let (cell, local) = (sample / PER_CELL, sample % PER_CELL);
+        let coefficients = bezier.cell_coefficients(cell);
+        let (lower, upper) = bezier.cell_box(cell);
+        [0, D - 1].map(|d| {
+            let mut tangent = [0.0; 4];
+            for (slope, row) in self.slopes[local][usize::from(d > 0)].iter().zip(coefficients.chunks_exact(3)) {
+                (0..3).for_each(|k| tangent[k] += slope * row[k]);
+            }
+            tangent.map(|x| x / (upper[d] - lower[d]))
+        })
+    }
+
+    /// `S_u × S_v` at all samples.
+    fn area_vectors<const D: usize>(&self, map: &SplineMap<D>) -> Vec<Vector> {
+        let area = |sample: usize| {
+            let [u, v] = self.tangents(map, sample);
+            cross(&u, &v)
+        };
+        (0..map.space().n_cells() * PER_CELL).into_par_iter().with_min_len(PER_CELL).map(area).collect()
+    }
+}
+
+/// A surface before a step, at the samples.
+pub(crate) struct Sheet<'a, const D: usize> {
+    regularity: &'a Regularity,
+    /// `n_g`.
+    normals: Vec<Vector>,
+    /// `a_g` of each cell.
+    areas: Vec<f64>,
+    own: Folds,
+}
+
+/// What a surface costs.
+#[derive(Clone, Debug)]
+struct Folds {
+    energy: f64,
+    /// Samples below `ε`, increasing.
+    low: Vec<u32>,
+    /// Those of them that have turned over.
+    turned: usize,
+}
+
+impl<'a, const D: usize> Sheet<'a, D> {
+    pub(crate) fn new(regularity: &'a Regularity, map: &SplineMap<D>) -> Self {
+        let vectors = regularity.area_vectors(map);
+        let areas = vectors
+            .chunks_exact(PER_CELL)
+            .map(|cell| cell.iter().map(|v| dot(v, v).sqrt()).sum::<f64>() / PER_CELL as f64);
+        let normals = vectors.chunks_exact(PER_CELL).flat_map(|cell| (0..PER_CELL).map(|g| mean_normal(cell, g)));
+        let (areas, normals) = (areas.collect(), normals.collect());
+        let own = Folds { energy: 0.0, low: Vec::new(), turned: 0 };
+        let mut sheet = Self { regularity, normals, areas, own };
+        sheet.own = sheet.folds_among(&vectors);
+        sheet
+    }
+
+    /// What the surface before the step costs.
+    pub(crate) fn energy(&self) -> f64 {
+        self.own.energy
+    }
+
+    fn folds(&self, map: &SplineMap<D>) -> Folds {
+        self.folds_among(&self.regularity.area_vectors(map))
+    }
+
+    fn folds_among(&self, vectors: &[Vector]) -> Folds {
+        let mut folds = Folds { energy: 0.0, low: Vec::new(), turned: 0 };
+        for (sample, vector) in vectors.iter().enumerate() {
+            let share = self.share(sample, vector);
+            if share < LEAST_AREA {
+                folds.energy += 0.5 * self.regularity.weight * (LEAST_AREA - share).powi(2);
+                folds.low.push(sample as u32);
+                folds.turned += usize::from(share <= 0.0);
+            }
+        }
+        folds
+    }
+
+    /// `J_g`; 1 in cells without area.
+    fn share(&self, sample: usize, vector: &Vector) -> f64 {
+        let area = self.areas[sample / PER_CELL];
+        if area > 0.0 { dot(vector, &self.normals[sample]) / area } else { 1.0 }
+    }
+
+    /// Adds the linearized penalty of some samples to the equations of a step from the map of this sheet.
+    fn add(&self, map: &SplineMap<D>, low: &[u32], matrix: &mut SymmetricMatrix, right: &mut Array2<f64>) {
+        let mut scratch = Vec::new();
+        for sample in low.iter().map(|&g| g as usize) {
+            let cell = map.space().cell(sample / PER_CELL);
+            let (area, normal) = (self.areas[sample / PER_CELL], &self.normals[sample]);
+            let [u, v] = self.regularity.tangents(map, sample);
+            let share = self.share(sample, &cross(&u, &v));
+            // dJ = (dS_u · (S_v × n) + dS_v · (n × S_u)) / a.
+            let (along, size) = ([cross(&v, normal), cross(normal, &u)], cell.size());
+            let slopes = &self.regularity.slopes[sample % PER_CELL];
+            let mut gradient: Vec<f64> = (0..cell.n_local() * 3)
+                .map(|i| {
+                    let (function, k) = (i / 3, i % 3);
+                    let part = |e: usize, d: usize| slopes[e][function] * along[e][k] / (size[d] * area);
+                    part(0, 0) + part(1, D - 1)
+                })
+                .collect();
+            cell.pull_back(&mut gradient, 3, &mut scratch);
+            let weight = self.regularity.weight;
+            let unknowns: Vec<u32> = cell.functions.iter().flat_map(|&f| (0..3).map(move |k| 3 * f + k)).collect();
+            for (&unknown, g) in unknowns.iter().zip(&gradient) {
+                right[[unknown as usize, 0]] += weight * (LEAST_AREA - share) * g;
+            }
+            let outer: Vec<f64> = gradient.iter().flat_map(|a| gradient.iter().map(move |b| weight * a * b)).collect();
+            matrix.add_cell(&unknowns, &outer);
+        }
+    }
+}
+
+/// The direction of the sum of the area vectors at a sample of a cell and its neighbours in the cell.
+fn mean_normal(cell: &[Vector], sample: usize) -> Vector {
+    let around = |i: usize| i.saturating_sub(1)..(i + 2).min(SAMPLES);
+    let mut sum = [0.0; 4];
+    for j in around(sample / SAMPLES) {
+        for i in around(sample % SAMPLES) {
+            (0..3).for_each(|k| sum[k] += cell[i + SAMPLES * j][k]);
+        }
+    }
+    unit(sum)
+}
+
+/// Whether a surface has turned over at samples where one before it had not.
+pub(crate) fn turned<const D: usize>(map: &SplineMap<D>, before: &SplineMap<D>) -> bool {
+    if D != 2 || map.dim() != 3 {
+        return false;
+    }
+    let regularity = Regularity::new(map.space().degree(), 0.0);
+    let sheet = Sheet::new(&regularity, before);
+    sheet.folds(map).turned > sheet.own.turned
+}
+
+/// The map after the step that solves the equations and, where there is a sheet, keeps its samples from folding; and what
+/// it costs. `None` if the equations are singular or more samples turn over than had before.
+pub(crate) fn step<const D: usize>(
+    system: &mut StepSystem,
+    equations: &fit_ls::BlockEquations,
+    map: &SplineMap<D>,
+    sheet: Option<&Sheet<'_, D>>,
+) -> Result<Option<(SplineMap<D>, f64)>, Error> {
+    let (space, coefficients) = (map.space(), map.coefficients().to_owned());
+    let none = Vec::new();
+    let Some(sheet) = sheet else {
+        let step = system.step(equations, 0.0, &none, |_, _| ())?;
+        return step.map(|step| Ok((stepped(space, &coefficients, &step)?, 0.0))).transpose();
+    };
+    let mut low = sheet.own.low.clone();
+    let mut extensions = 0;
+    loop {
+        let solved = system.step(equations, 0.0, &none, |matrix, right| sheet.add(map, &low, matrix, right))?;
+        let Some(mut step) = solved else { return Ok(None) };
+        let mut trial = stepped(space, &coefficients, &step)?;
+        let mut folds = sheet.folds(&trial);
+        let known = low.len();
+        low.extend(&folds.low);
+        low.sort_unstable();
+        low.dedup();
+        if low.len() > known && extensions < EXTENSIONS {
+            extensions += 1;
+            continue;
+        }
+        for _ in 0..HALVINGS {
+            if folds.turned <= sheet.own.turned {
+                break;
+            }
+            step *= 0.5;
+            trial = stepped(space, &coefficients, &step)?;
+            folds = sheet.folds(&trial);
+        }
+        return Ok((folds.turned <= sheet.own.turned).then_some((trial, folds.energy)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+    use std::sync::Arc;
+    use thb_core::{HierarchicalSpace, Kind, KnotVector, SymmetricPattern};
+
+    /// A bent sheet over the Greville sites, with one site moved in x.
+    fn sheet(moved: f64) -> SplineMap<2> {
+        let knots = KnotVector::uniform(2, 4).unwrap();
+        let sites = knots.greville();
+        let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
+        let n = sites.len();
+        let mut coefficients = Array2::from_shape_fn((n * n, 3), |(i, k)| {
+            let (u, v) = (sites[i % n], sites[i / n]);
+            [u, v, u * u + 0.5 * u * v][k]
+        });
+        coefficients[[n * (n / 2) + n / 2, 0]] += moved;
+        SplineMap::new(space, coefficients).unwrap()
+    }
+
+    #[test]
+    fn a_site_pushed_beyond_its_neighbours_turns_the_surface() {
+        assert!(!turned(&sheet(0.0), &sheet(0.0)));
+        assert!(!turned(&sheet(0.1), &sheet(0.0)));
+        assert!(turned(&sheet(0.9), &sheet(0.0)));
+    }
+
+    #[test]
+    fn the_linearized_penalty_has_the_gradient_of_the_penalty() {
+        let map = sheet(0.42);
+        let before = sheet(0.0);
+        let regularity = Regularity::new([2, 2], 640.0);
+        // Against the sheet of the map itself nothing is low; against the one before it something is.
+        let sheet = Sheet::new(&regularity, &before);
+        let folds = sheet.folds(&map);
+        assert!(!folds.low.is_empty() && folds.energy > 0.0);
+        let pattern = SymmetricPattern::new(map.space().as_ref()).blocked(3);
+        let mut matrix = SymmetricMatrix::zeros(&pattern);
+        let mut right = Array2::zeros((pattern.n(), 1));
+        sheet.add(&map, &folds.low, &mut matrix, &mut right);
+        let mut largest = 0.0_f64;
+        for unknown in 0..pattern.n() {
+            let energy = |shift: f64| {
+                let mut coefficients = map.coefficients().to_owned();
+                coefficients[[unknown / 3, unknown % 3]] += shift;
+                sheet.folds(&SplineMap::new(map.space().clone(), coefficients).unwrap()).energy
+            };
+            let h = 1e-6;
+            let slope = (energy(h) - energy(-h)) / (2.0 * h);
+            assert!((slope + right[[unknown, 0]]).abs() < 1e-5 * (1.0 + slope.abs()), "{unknown}: {slope} {right:?}");
+            largest = largest.max(slope.abs());
+        }
+        assert!(largest > 0.1, "{largest}");
+    }
+}
