@@ -8,7 +8,7 @@ use adaptive::Stop;
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2};
 use point_cloud::BoundingBox;
-use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
 use crate::parameter_options::Domain;
@@ -18,6 +18,10 @@ use crate::{Error, Event, FitOptions, Watch};
 
 /// Samples per direction and cell for the distance from surface to points.
 pub(crate) const SAMPLES: usize = 4;
+
+/// Control points as a share of the points from which on the user is warned: then there are hardly more equations than
+/// unknowns, in a fit with moving parameters fewer.
+const CROWDED: f64 = 0.7;
 
 /// A fitted surface with its report and its data.
 #[derive(Clone, Debug)]
@@ -107,6 +111,14 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         ));
     }
 
+    let dofs = map.space().n_functions();
+    if dofs as f64 > CROWDED * points.nrows() as f64 {
+        warnings.push(format!(
+            "{dofs} control points for {} points: the surface follows their noise; choose a larger tolerance unless the \
+             points are exact",
+            points.nrows()
+        ));
+    }
     if hsd > FAR * diagonal {
         warnings.push(format!(
             "the surface leaves the points by up to {hsd:.4e}, {:.1} % of the diagonal: it spans a void or swings out \
