@@ -289,3 +289,28 @@ fn wrong_options_are_named() {
     let triangle = fit.unwrap().with_triangles(&[[0, 1, 2], [3, 99, 4]]).err();
     assert_eq!(triangle, Some(Error::Triangle { triangle: 1, point: 99, points: 25 }));
 }
+
+#[test]
+fn surfaces_do_not_crease_where_parameters_move_to_a_ridge() {
+    let side = 50;
+    let start = Array2::from_shape_fn((side * side, 2), |(i, d)| [i % side, i / side][d] as f64 / (side - 1) as f64);
+    let points = Array2::from_shape_fn((side * side, 3), |(i, k)| {
+        let (x, y) = (start[[i, 0]], start[[i, 1]]);
+        [x, y, 0.5 * (-(x - y).abs() / 0.08).exp()][k]
+    });
+    let knots = KnotVector::uniform(2, 6).unwrap();
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
+    let share = |regularity: f64| {
+        let method = Method::Joint(JointOptions { regularity, ..JointOptions::default() });
+        let options = Options { method, tolerance: 5e-3, guard: false, ..Options::default() };
+        let fitting = fit_ls::Options { lambda: Lambda::Fixed(1e-7), ..fit_ls::Options::default() };
+        let mut fit = MovingFit::new(start.view(), points.view(), None, fitting, options).unwrap();
+        let map = fit.solve(&space, None).unwrap().map;
+        let report = fit.reports()[0];
+        assert!(report.rmse[1] < 0.5 * report.rmse[0], "{report:?}");
+        fit_ls::creases(&map, 8).unwrap()
+    };
+    let (free, held) = (share(0.0), share(JointOptions::default().regularity));
+    assert!(free > 2e-3, "{free}");
+    assert!(held < 0.2 * free, "{held} against {free}");
+}
