@@ -29,6 +29,7 @@ mod block;
 mod boundary;
 mod cholesky;
 mod error;
+mod interpolants;
 mod kernel;
 mod lambda;
 mod least_squares;
@@ -40,6 +41,9 @@ pub use block::BlockEquations;
 pub use boundary::{Side, boundary_coefficients, boundary_functions};
 pub use cholesky::{Cholesky, FactorizationError};
 pub use error::Error;
+pub use interpolants::{
+    Interpolant, Interpolants, collocation_matrix, schoenberg_whitney, wls_as_interpolants, wls_limit,
+};
 pub use kernel::CellSums;
 pub use lambda::{Lambda, automatic_lambda};
 pub use least_squares::{Fixed, LeastSquares, Options, eliminate};

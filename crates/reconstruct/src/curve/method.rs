@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use adaptive::{Estimate, Marking, Solution, Solve};
-use fit_ls::{Fixed, Lambda, LeastSquares};
+use fit_ls::{Fixed, Lambda, LeastSquares, schoenberg_whitney};
 use moving_param::{Moves, MovingFit};
 use ndarray::{Array1, Array2, Axis};
-use thb_core::{CellSpace, HierarchicalSpace, Kind, Refinement, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 use super::sequence::Sequence;
 
@@ -103,8 +103,7 @@ impl Solve<1> for CurveMethod<'_> {
     }
 
     fn estimate(&mut self, map: &SplineMap<1>) -> Result<Estimate<'_>, moving_param::Error> {
-        let estimate = self.fixed.estimate(map)?;
-        self.marked = adaptive::mark(estimate, self.marking, self.tolerance);
+        self.fixed.distances(map)?;
         let parameters = self.fixed.points().parameters(0);
         let offsets = self.fixed.points().offsets();
         self.places = (0..map.space().n_cells())
@@ -114,11 +113,13 @@ impl Solve<1> for CurveMethod<'_> {
                 dividing_place(cell.lower[0], cell.upper[0], inside, self.shortest)
             })
             .collect();
-        Ok(self.fixed.estimate(map)?)
+        let estimate = self.fixed.estimate(map)?;
+        self.marked = mark_divisible(estimate, &self.places, self.marking, self.tolerance);
+        Ok(estimate)
     }
 
     fn mark(&self, _map: &SplineMap<1>, _tolerance: f64) -> Option<Vec<usize>> {
-        Some(self.marked.iter().copied().filter(|&span| self.places[span].is_some()).collect())
+        Some(self.marked.clone())
     }
 
     fn refine(
@@ -129,9 +130,34 @@ impl Solve<1> for CurveMethod<'_> {
     ) -> Result<HierarchicalSpace<1>, thb_core::Error> {
         let places: Vec<f64> = marked.iter().filter_map(|&span| self.places.get(span).copied().flatten()).collect();
         let knots = space.knots(0, 0)?;
-        let (finer, _) = knots.insert(&places, Array2::zeros((knots.n_functions(), 1)).view())?;
+        let sites = self.fixed.points().parameters(0);
+        let determined = |finer: &KnotVector| self.lambda() > 0.0 || schoenberg_whitney(finer, sites);
+        let mut finer = with_knots(knots, &places)?;
+        if !determined(&finer) {
+            // A point on a knot is in no function's support but one: take the knots that leave each function its point.
+            finer = knots.clone();
+            for place in places {
+                finer = Some(with_knots(&finer, &[place])?).filter(determined).unwrap_or(finer);
+            }
+        }
         HierarchicalSpace::new(Kind::Thb, [finer])
     }
+}
+
+fn with_knots(knots: &KnotVector, further: &[f64]) -> Result<KnotVector, thb_core::Error> {
+    Ok(knots.insert(further, Array2::zeros((knots.n_functions(), 1)).view())?.0)
+}
+
+/// The marked ones of the spans that can be divided, worst first.
+fn mark_divisible(estimate: Estimate<'_>, places: &[Option<f64>], marking: Marking, tolerance: f64) -> Vec<usize> {
+    let divisible: Vec<usize> = (0..places.len()).filter(|&span| places[span].is_some()).collect();
+    let (mut offsets, mut errors) = (vec![0], Vec::new());
+    for &span in &divisible {
+        errors.extend_from_slice(&estimate.errors[estimate.offsets[span]..estimate.offsets[span + 1]]);
+        offsets.push(errors.len());
+    }
+    let among = adaptive::mark(Estimate { offsets: &offsets, errors: &errors }, marking, tolerance);
+    among.into_iter().map(|k| divisible[k]).collect()
 }
 
 /// The coarsest dyadic place of a span with points on both its sides: with a point in every span no function lacks data.

@@ -73,16 +73,20 @@ impl Default for CurveOptions {
             degree: 3,
             knots: KnotChoice::Adaptive,
             elements: 1,
-            lambda: LambdaChoice::Auto,
+            lambda: LambdaChoice::Fixed(0.0),
             tol: Tolerance::Percent(0.1),
             within: 1.0,
-            mark: Mark(Marking::Threshold),
+            mark: Mark(Marking::Share(WORST)),
             halvings: 16,
             max_dofs: None,
             units: LengthUnit::Millimetre,
         }
     }
 }
+
+/// Share of the points whose spans get a knot at a time. Of 1 %, 5 %, 10 %, 20 % and all beyond the tolerance, 5 % and
+/// 10 % gave the fewest control points on two airfoils, a heat curve and a coast; smaller ones take more iterations.
+const WORST: f64 = 0.1;
 
 /// Largest number of halvings: half the digits of a parameter are left to tell points of a span apart.
 const MOST_HALVINGS: u32 = 26;
