@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use adaptive::{Deviation, Iteration, Outcome, Stop};
-use fit_ls::directed_hausdorff;
+use fit_ls::{Lambda, LeastSquares, directed_hausdorff, schoenberg_whitney};
 use geom_io::{GRAPH, Model};
 use moving_param::{Blend, Distance, JointOptions, Schedule};
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
@@ -84,11 +84,20 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     let tolerance = options.tol.resolve(diagonal);
     let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [start_knots(&sequence, options)?])?);
     let length = sequence.domain.1 - sequence.domain.0;
-    let fitting = fit_ls::Options {
+    let mut warnings = sequence.notes.clone();
+    let mut fitting = fit_ls::Options {
         lambda: options.lambda.resolve(tolerance),
         lengths: [1.0 / length],
         ..fit_ls::Options::default()
     };
+    if fitting.lambda == Lambda::Fixed(0.0) && !determines(&sequence, &space)? {
+        let lambda = least_lambda(&sequence, &space, &fitting)?;
+        warnings.push(format!(
+            "between corners or knots there are too few points to determine the curve; it is drawn calm there by the \
+             smoothing weight {lambda:.1e}"
+        ));
+        fitting.lambda = Lambda::Fixed(lambda);
+    }
     let shortest = length * 0.5_f64.powi(options.halvings as i32);
     let moving = moving_options(options, tolerance);
     let mut method = CurveMethod::new(&sequence, fitting, moving, options.mark.0, shortest, tolerance)?;
@@ -104,7 +113,6 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     };
     let mut observer = |_: &Iteration| ControlFlow::Continue(());
     let Outcome { map, stop, failure, history, .. } = adaptive::run(&mut method, space, &rules, &mut observer)?;
-    let mut warnings = sequence.notes.clone();
     if let Some(failure) = failure {
         warnings.push(format!("the last knots that were inserted could not be solved for: {failure}"));
     }
@@ -160,6 +168,43 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     let points = fitted_points(&sequence, options)?;
     Ok(CurveFit { model, report, points, parameters, errors })
 }
+
+/// Whether the points determine the curve in the first space without smoothing.
+fn determines(sequence: &Sequence, space: &HierarchicalSpace<1>) -> Result<bool, Error> {
+    Ok(schoenberg_whitney(space.knots(0, 0)?, &sequence.parameters.to_vec()))
+}
+
+/// The smallest power of ten, times the number of points, with which a fit in the first space stays near its points.
+fn least_lambda(
+    sequence: &Sequence,
+    space: &Arc<HierarchicalSpace<1>>,
+    fitting: &fit_ls::Options<1>,
+) -> Result<f64, Error> {
+    let bounds = BoundingBox::of(sequence.points.view())?;
+    let limit = FAR * bounds.diagonal();
+    let (parameters, points) = (sequence.parameters.view().insert_axis(Axis(1)), sequence.points.view());
+    let mut failure = fit_ls::Error::NoPoints;
+    for exponent in LEAST_EXPONENTS {
+        let lambda = 10.0_f64.powi(exponent) * points.nrows() as f64;
+        let options = fit_ls::Options { lambda: Lambda::Fixed(lambda), ..fitting.clone() };
+        match LeastSquares::new(parameters, points, None, options)?.fit(space) {
+            Ok(map) => {
+                let beyond = |k: usize, c: f64| c < bounds.lower[k] - limit || c > bounds.upper[k] + limit;
+                if !map.coefficients().indexed_iter().any(|((_, k), &c)| beyond(k, c)) {
+                    return Ok(lambda);
+                }
+            }
+            Err(error) => failure = error,
+        }
+    }
+    Err(failure.into())
+}
+
+/// Exponents that are tried; below, the weight is lost in round-off.
+const LEAST_EXPONENTS: std::ops::RangeInclusive<i32> = -15..=-5;
+
+/// Distance, in diagonals of the points, beyond which control points are a sign of an undetermined curve.
+const FAR: f64 = 1.0;
 
 /// The curve `(u, s(u))`: Greville abscissae are the coefficients of the identity.
 fn graph_of(map: &SplineMap<1>) -> Result<SplineMap<1>, Error> {
