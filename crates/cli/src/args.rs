@@ -260,7 +260,8 @@ const CURVE_HELP: &str = "Examples:
       parameters move with the curve: fewer control points
 
 Input: one point a line, in order: .csv .txt .dat .xyz and the other formats of points, with one to three coordinates
-(--columns chooses them). A column u holds parameters. A line of words at the top is skipped.
+(--columns chooses them). A column u holds parameters. A line of words at the top is skipped. Noise is smoothed by
+--lambda, with few --knots, not by a tolerance below it.
 
 If the tolerance is not reached, the report says why: 'too-few-points' (spans run out of points: noise; raise --tol),
 'levels' (--halvings), 'max-dofs' (--max-dofs), 'stagnation' (noise), 'fixed-knots' (--knots is a number).";

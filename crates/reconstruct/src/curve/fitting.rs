@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use adaptive::{Deviation, Iteration, Outcome, Stop};
-use fit_ls::{Lambda, LeastSquares, directed_hausdorff, schoenberg_whitney};
+use fit_ls::{Lambda, LeastSquares, directed_hausdorff, map_to_points, schoenberg_whitney};
 use geom_io::{GRAPH, Model};
 use moving_param::{Blend, Distance, JointOptions, Schedule};
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
@@ -19,6 +19,8 @@ use super::options::CurveOptions;
 use super::report::{CurveInput, CurveIteration, CurveReport, CurveResult};
 use super::sequence::{self, Closing, Given, Sequence};
 use super::start::start_knots;
+use crate::fit::SAMPLES;
+use crate::fitting::FAR as FAR_AWAY;
 use crate::{BlendChoice, Error, Method};
 
 /// A fitted curve with its report and its data.
@@ -122,6 +124,15 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     let is_function = dimension == 1 || options.graph;
     let dhd =
         if is_function { deviation.max } else { directed_hausdorff(&map, parameters.view(), sequence.points.view())? };
+    // Nothing is between the values of a function.
+    let hsd = if is_function { dhd } else { dhd.max(map_to_points(&map, sequence.points.view(), SAMPLES)?) };
+    if hsd > FAR_AWAY * diagonal {
+        warnings.push(format!(
+            "the curve leaves the points by up to {hsd:.4e}, {:.1} % of the diagonal: it spans a gap or swings out between \
+             points; look at it, and raise --lambda if it swings",
+            100.0 * hsd / diagonal
+        ));
+    }
     let stop = if !adapts && stop == Stop::Iterations { "fixed-knots" } else { stop.name() };
     let knots = map.space().knots(0, 0)?;
     let moves = method.moves();
@@ -152,6 +163,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
             tolerance,
             lambda: method.lambda(),
             dhd,
+            hsd,
             seconds: start.elapsed().as_secs_f64(),
             stop,
             reached: deviation.within >= options.within,

@@ -114,7 +114,7 @@ impl Solve<1> for CurveMethod<'_> {
             })
             .collect();
         let estimate = self.fixed.estimate(map)?;
-        self.marked = mark_divisible(estimate, &self.places, self.marking, self.tolerance);
+        self.marked = mark_divisible(estimate, &self.places, map.space().degree()[0], self.marking, self.tolerance);
         Ok(estimate)
     }
 
@@ -130,8 +130,12 @@ impl Solve<1> for CurveMethod<'_> {
     ) -> Result<HierarchicalSpace<1>, thb_core::Error> {
         let places: Vec<f64> = marked.iter().filter_map(|&span| self.places.get(span).copied().flatten()).collect();
         let knots = space.knots(0, 0)?;
-        let sites = self.fixed.points().parameters(0);
-        let determined = |finer: &KnotVector| self.lambda() > 0.0 || schoenberg_whitney(finer, sites);
+        let present = self.fixed.points().parameters(0);
+        // Moves that do harm are undone, and then the first parameters have to determine the curve.
+        let first = self.moving.is_some().then(|| self.sequence.parameters.to_vec());
+        let sites = std::iter::once(present).chain(first.as_deref());
+        let determined =
+            |finer: &KnotVector| self.lambda() > 0.0 || sites.clone().all(|sites| schoenberg_whitney(finer, sites));
         let mut finer = with_knots(knots, &places)?;
         if !determined(&finer) {
             // A point on a knot is in no function's support but one: take the knots that leave each function its point.
@@ -148,16 +152,38 @@ fn with_knots(knots: &KnotVector, further: &[f64]) -> Result<KnotVector, thb_cor
     Ok(knots.insert(further, Array2::zeros((knots.n_functions(), 1)).view())?.0)
 }
 
-/// The marked ones of the spans that can be divided, worst first.
-fn mark_divisible(estimate: Estimate<'_>, places: &[Option<f64>], marking: Marking, tolerance: f64) -> Vec<usize> {
-    let divisible: Vec<usize> = (0..places.len()).filter(|&span| places[span].is_some()).collect();
-    let (mut offsets, mut errors) = (vec![0], Vec::new());
-    for &span in &divisible {
-        errors.extend_from_slice(&estimate.errors[estimate.offsets[span]..estimate.offsets[span + 1]]);
-        offsets.push(errors.len());
+/// The marked ones of the spans that can be divided, worst first. The errors of a span that cannot be, a single point's,
+/// count for the nearest ones on both sides that share a function with it.
+fn mark_divisible(
+    estimate: Estimate<'_>,
+    places: &[Option<f64>],
+    degree: usize,
+    marking: Marking,
+    tolerance: f64,
+) -> Vec<usize> {
+    let mut errors: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
+    let divisible = |span: &usize| places[*span].is_some();
+    for span in 0..places.len() {
+        let own = &estimate.errors[estimate.offsets[span]..estimate.offsets[span + 1]];
+        if divisible(&span) {
+            errors[span].extend_from_slice(own);
+            continue;
+        }
+        let before = (span.saturating_sub(degree)..span).rev().find(divisible);
+        let after = (span + 1..(span + degree + 1).min(places.len())).find(divisible);
+        for neighbour in before.into_iter().chain(after) {
+            errors[neighbour].extend_from_slice(own);
+        }
     }
-    let among = adaptive::mark(Estimate { offsets: &offsets, errors: &errors }, marking, tolerance);
-    among.into_iter().map(|k| divisible[k]).collect()
+    let spans: Vec<usize> = (0..places.len()).filter(divisible).collect();
+    let mut offsets = vec![0];
+    let mut listed = Vec::new();
+    for &span in &spans {
+        listed.extend_from_slice(&errors[span]);
+        offsets.push(listed.len());
+    }
+    let among = adaptive::mark(Estimate { offsets: &offsets, errors: &listed }, marking, tolerance);
+    among.into_iter().map(|k| spans[k]).collect()
 }
 
 /// The coarsest dyadic place of a span with points on both its sides: with a point in every span no function lacks data.

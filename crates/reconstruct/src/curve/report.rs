@@ -74,6 +74,8 @@ pub struct CurveResult {
     pub lambda: f64,
     /// Largest distance of a point to the curve, wherever its closest point lies; of functions as `max`.
     pub dhd: f64,
+    /// Two-sided Hausdorff distance: also from samples of the curve to the points; of functions as `max`.
+    pub hsd: f64,
     /// Seconds from the points to the result.
     pub seconds: f64,
     /// Why the loop ended: tolerance, levels, too-few-points, max-dofs, stagnation, iterations, fixed-knots, failed.
