@@ -9,6 +9,8 @@ parameters scipy then fits
 - fitpack: splprep or splrep, whose own knots come from a smoothing condition s, with s as large as gives at most as many
   control points as thb has; and the number of control points that it needs to get below the MAX of thb;
 - joint: `--method joint`, whose parameters move, until TOL.
+A second table compares the smoothing splines of graphs: make_smoothing_spline with its weight from cross-validation, and
+`thb fit-curve --knots N` with the same weight, for several N.
 Files hold x and y, one point a line; graphs a function y of x.
 """
 
@@ -19,7 +21,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import make_lsq_spline, splev, splprep, splrep
+from scipy.interpolate import BSpline, make_lsq_spline, make_smoothing_spline, splev, splprep, splrep
 
 
 def read(path):
@@ -83,12 +85,12 @@ def compare(thb, file):
     n = ours["control_points"]
     count, their = max(
         (f for f in (fitpack(u, points, s) for s in ladder(points)) if f[0] <= n), key=lambda f: (f[0], -f[1][1])
-    ) if not repeated(u) else (None, (np.nan, np.nan))
-    needed = search(u, points, lambda _, e: e[0] <= ours["max"]) if not repeated(u) else None
+    )
+    needed = search(u, points, lambda _, e: e[0] <= ours["max"])
     joint = None if graph else run(thb, path, [*common, "--method", "joint"])
     cells = [
         f"`{Path(path).name}`", tolerance, n, *(f"{x:.3e}" for x in (ours["max"], ours["rmse"], *lsq)),
-        "–" if count is None else count, *("–" if np.isnan(x) else f"{x:.3e}" for x in their),
+        count, *(f"{x:.3e}" for x in their),
         "–" if needed is None else needed[0],
         "–" if joint is None else f"{joint['control_points']} ({joint['max']:.1e})",
     ]
@@ -99,8 +101,29 @@ def ladder(points):
     return np.geomspace(10.0, 1e-9, 400) * np.var(points, axis=0).sum() * len(points)
 
 
-def repeated(u):
-    return np.any(np.diff(u) <= 0)
+def smooth(thb, path):
+    points = read(path)
+    x, y = points[np.argsort(points[:, 0], kind="stable")].T
+    places, index = np.unique(x, return_inverse=True)
+    weights = np.bincount(index).astype(float)
+    means = np.bincount(index, y) / weights
+    spline = make_smoothing_spline(places, means, weights)
+    # Along the fit itself the sum of weighted residuals is the weight times the energy, which gives the weight back.
+    grid = np.linspace(x[0], x[-1], 100001)
+    energy = np.trapezoid(spline.derivative(2)(grid) ** 2, grid)
+    weight = (weights * (means - spline(places)) * spline(places)).sum() / energy
+    weight /= (x[-1] - x[0]) ** 3
+    theirs = errors((spline(x) - y)[:, None])
+    for inner in (10, 20, 40, len(places) - 4):
+        with tempfile.TemporaryDirectory() as folder:
+            output = ["-o", f"{folder}/curve.json", "--knots", str(inner), "--lambda", f"{weight:.17g}"]
+            result = run(thb, path, ["--graph", *output])
+            model = json.loads(Path(f"{folder}/curve.json").read_text(encoding="utf-8"))
+        ours = BSpline(model["knots"][0], np.array(model["coefficients"])[:, 1], 3)
+        apart = np.abs(ours(grid) - spline(grid)).max() / np.ptp(y)
+        numbers = (theirs[0], theirs[1], result["max"], result["rmse"], apart)
+        cells = [f"`{Path(path).name}`", f"{weight:.3e}", len(places) + 2, result["control_points"]]
+        print("| " + " | ".join([*map(str, cells), *(f"{x:.3e}" for x in numbers)]) + " |")
 
 
 def main(thb, *files):
@@ -109,6 +132,10 @@ def main(thb, *files):
     print("|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
     for file in files:
         compare(thb, file)
+    print("\n| data | weight | scipy control points | thb | scipy MAX | RMSE | thb MAX | RMSE | curves apart, of the range |")
+    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|")
+    for path in dict.fromkeys(file.split(":")[0] for file in files if ":graph" in file):
+        smooth(thb, path)
 
 
 if __name__ == "__main__":
