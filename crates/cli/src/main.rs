@@ -64,6 +64,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
             let names: &[&str] = match rows.ncols() {
                 4 => &["u", "x", "y", "z"],
                 3 => &["u", "x", "y"],
+                2 => &["u", "x"],
                 n => &header[..n.min(5)],
             };
             let mut out = BufWriter::new(io::stdout().lock());

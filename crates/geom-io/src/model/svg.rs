@@ -132,11 +132,15 @@ pub fn draw_svg(model: &Model, options: &SvgOptions) -> Result<String, ModelErro
     for cell in 0..map.space().n_cells() {
         segments.extend(cubics(map, &page, cell));
     }
-    for (k, [a, b, c, d]) in segments.iter().enumerate() {
-        if k == 0 {
+    let far = DEVIATION * page.size[0].hypot(page.size[1]);
+    let mut before: Option<[f64; 2]> = None;
+    for [a, b, c, d] in &segments {
+        // The curve may jump at a knot of multiplicity above the degree.
+        if before.is_none_or(|p| (p[0] - a[0]).hypot(p[1] - a[1]) > far) {
             let _ = write!(svg, "M{} {}", a[0], a[1]);
         }
         let _ = write!(svg, "\nC{} {} {} {} {} {}", b[0], b[1], c[0], c[1], d[0], d[1]);
+        before = Some(*d);
     }
     let closed = map.space().periodic()[0];
     svg += if closed { "Z\"/>\n" } else { "\"/>\n" };
