@@ -255,6 +255,12 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Figure 3.2: weights with hierarchical box splines.
+    BoxSplines {
+        /// The file to write, docs/results/box-splines.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
     Classical {
         /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
@@ -296,6 +302,7 @@ fn main() -> Result<()> {
                         data.is_none().then_some("the table of measured curves needs --data DIR and was left out");
                     ("curves", out, missing, tables::curves::document(data.as_deref())?)
                 }
+                Tables::BoxSplines { out } => ("box-splines", out, None, tables::box_splines::document()?),
                 Tables::Classical { data, out } => {
                     let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
                     ("classical", out, missing, tables::classical::document(data.as_deref())?)

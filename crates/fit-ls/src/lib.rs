@@ -35,6 +35,7 @@ mod lambda;
 mod least_squares;
 mod metrics;
 mod normal;
+mod plain;
 mod sorted;
 
 pub use block::BlockEquations;
@@ -49,4 +50,5 @@ pub use lambda::{Lambda, automatic_lambda};
 pub use least_squares::{Fixed, LeastSquares, Options, eliminate};
 pub use metrics::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use normal::{NormalEquations, PointBox, box_sums};
+pub use plain::weighted_least_squares;
 pub use sorted::SortedPoints;

@@ -1,5 +1,6 @@
 //! Published tables, computed anew from seeds and set beside the printed figures.
 
+pub mod box_splines;
 pub mod classical;
 pub mod curves;
 mod markdown;
