@@ -109,7 +109,7 @@ fn drawings_hold_knots_and_control_points_to_the_last_bit() {
         assert!(dxf.contains("$INSUNITS\n70\n1\n") && dxf.ends_with("0\nEOF\n"));
         // Each code has its value, and handles are used once.
         let lines: Vec<&str> = dxf.lines().collect();
-        assert!(lines.len() % 2 == 0 && lines.chunks(2).all(|pair| pair[0].parse::<u32>().is_ok()));
+        assert!(lines.len().is_multiple_of(2) && lines.chunks(2).all(|pair| pair[0].parse::<u32>().is_ok()));
         let mut handles: Vec<&str> =
             lines.chunks(2).filter(|p| ["5", "105"].contains(&p[0]) && p[1] != "200").map(|p| p[1]).collect();
         let count = handles.len();

@@ -181,9 +181,12 @@ fn with_given(
 fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOptions) -> Result<Sequence, Error> {
     let rows_given = points.nrows();
     let repeated = points.row(0) == points.row(rows_given - 1);
+    // Values alone have neither length nor direction: they are functions of their number.
+    let are_values = points.ncols() == 1;
     let closed = match options.closed {
         ClosedChoice::Yes => true,
         ClosedChoice::No => false,
+        ClosedChoice::Auto if are_values => false,
         ClosedChoice::Auto => repeated && rows_given > 3 || ends_meet(points.view()),
     };
     if closed && repeated && rows_given > 2 {
@@ -191,8 +194,8 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
     }
     let m = points.nrows();
     let corner_rows = match &options.corners {
-        CornerChoice::Auto => find_corners(points.view(), closed),
-        CornerChoice::None => Vec::new(),
+        CornerChoice::Auto if !are_values => find_corners(points.view(), closed),
+        CornerChoice::Auto | CornerChoice::None => Vec::new(),
         CornerChoice::Rows(rows) => checked(rows, rows_given)?,
     };
     let mut corners: Vec<usize> = corner_rows.iter().map(|&row| row % m).collect();
@@ -212,7 +215,12 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
             notes.push(format!("the curve starts at row {first}, a corner"));
         }
     }
-    let parameters = parameters_of(points.view(), closing, options)?;
+    let param = match options.param {
+        CurveParameters::Auto if are_values => CurveParameters::Uniform,
+        CurveParameters::Auto | CurveParameters::Given => CurveParameters::Chord,
+        other => other,
+    };
+    let parameters = parameters_of(points.view(), closing, param)?;
     let domain = (0.0, 1.0);
     let held = closing == Closing::AtCorner || closing == Closing::Open && options.ends == Ends::Held;
     Ok(Sequence {
@@ -223,7 +231,7 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
         closing,
         held,
         corner_rows,
-        method: match options.param {
+        method: match param {
             CurveParameters::Centripetal => "centripetal",
             CurveParameters::Parcnn => "parcnn",
             CurveParameters::Uniform => "uniform",
@@ -234,9 +242,9 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
 }
 
 /// Parameters in [0, 1]; of a periodic curve they end one step before 1.
-fn parameters_of(points: ArrayView2<'_, f64>, closing: Closing, options: &CurveOptions) -> Result<Array1<f64>, Error> {
+fn parameters_of(points: ArrayView2<'_, f64>, closing: Closing, param: CurveParameters) -> Result<Array1<f64>, Error> {
     let of = |points: ArrayView2<'_, f64>| -> Result<Array1<f64>, Error> {
-        match options.param.rule() {
+        match param.rule() {
             Some(rule) => Ok(parameterize_sequence(points, rule)?),
             None => Ok(sequence_parameters(points, None)?),
         }

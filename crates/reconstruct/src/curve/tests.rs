@@ -87,6 +87,15 @@ fn moving_parameters_need_fewer_control_points() {
 }
 
 #[test]
+fn values_alone_are_a_function_of_their_number() {
+    let values = Array2::from_shape_fn((60, 1), |(i, _)| (i as f64 / 10.0).sin());
+    let fit = fit_sequence(values.view(), "values", &tight(1e-3)).unwrap();
+    assert_eq!((fit.report.input.parameterization, fit.report.input.closed), ("uniform", "open"));
+    assert!(fit.reached() && fit.report.input.corners.is_empty());
+    assert!((fit.curve().eval([0.5]).unwrap()[0] - 2.95_f64.sin()).abs() < 1e-3);
+}
+
+#[test]
 fn held_ends_are_met() {
     let points = curve(50, |t| [t, (5.0 * t).sin() + 0.05 * (91.0 * t).sin()]);
     let options = CurveOptions { ends: Ends::Held, knots: KnotChoice::Averaged(4), ..tight(1e-3) };
