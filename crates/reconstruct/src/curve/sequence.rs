@@ -15,6 +15,9 @@ use std::path::Path;
 /// Fewest points of a sequence that is taken to be closed though its last point is not its first one.
 const FEWEST_CLOSED: usize = 8;
 
+/// Distance of the ends of such a sequence, in median steps, up to which it is closed: steps of one length, with noise.
+const ONE_STEP: f64 = 1.5;
+
 /// How a curve ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Closing {
@@ -275,7 +278,7 @@ fn ends_meet(points: ArrayView2<'_, f64>) -> bool {
     let mut steps: Vec<f64> = (1..m).map(|i| distance(i - 1, i)).collect();
     let middle = steps.len() / 2;
     let median = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-    distance(0, m - 1) <= median
+    distance(0, m - 1) <= ONE_STEP * median
 }
 
 /// The corners whose parameters lie inside the domain: at its ends there is nothing to do.

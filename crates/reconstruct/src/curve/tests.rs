@@ -38,6 +38,20 @@ fn a_drop_closes_at_its_corner() {
 }
 
 #[test]
+fn a_polygon_closes_without_its_first_point_again() {
+    let corner = |k: usize| [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]][k % 4];
+    let points = Array2::from_shape_fn((40, 2), |(i, k)| {
+        let (side, t) = (i / 10, (i % 10) as f64 / 10.0);
+        corner(side)[k] + t * (corner(side + 1)[k] - corner(side)[k])
+    });
+    let fit = fit_sequence(points.view(), "rectangle", &tight(1e-9)).unwrap();
+    assert_eq!(fit.report.input.closed, "at a corner");
+    assert_eq!(fit.report.input.corners, [0, 10, 20, 30]);
+    // Four straight sides.
+    assert!(fit.reached() && fit.report.result.spans == 4, "{}", fit.report);
+}
+
+#[test]
 fn corners_inside_get_knots_of_full_multiplicity() {
     // A polyline of smooth pieces: |t| over a parabola.
     let points = curve(101, |t| [t, (t - 0.3).abs() + 0.2 * t * t]);
