@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Opens what is written, fitted fixtures and constructed models, in other software: STEP in Open CASCADE and
-# Gmsh, XML in G+Smo. Points at the same parameters must agree.
+# Gmsh, XML in G+Smo, DXF with ezdxf. Points at the same parameters must agree.
 #
 # Usage: run.sh [PYTHON]      an interpreter with the packages of requirements.txt; python3 unless named
 set -euo pipefail
@@ -79,3 +79,19 @@ done
 "$python" tests/peers/check_step.py "$models/curve.step" "$models/curve.csv" --unit metre
 "$python" tests/peers/check_gismo.py "$models/curve.xml" "$models/curve.csv"
 echo "curve: passed"
+
+# A section with a sharp tail, fitted and drawn.
+awk 'BEGIN {
+    for (k = 0; k <= 120; k++) { t = 3.14159265358979 * k / 120; printf "%.8f %.8f\n", 0.5 + 0.5 * cos(2 * t), 0.12 * sin(2 * t) * sin(t) }
+}' >"$work/wing.dat"
+awk 'BEGIN { print "u"; for (i = 0; i <= 400; i++) printf "%.17g\n", i / 400 }' >"$work/u.csv"
+for degree in 2 3 5; do
+    "$thb" fit-curve "$work/wing.dat" --degree "$degree" -o "$work/wing.json" -o "$work/wing.step" -o "$work/wing.dxf" \
+        -o "$work/wing.svg" >"$work/wing.txt"
+    "$thb" eval "$work/wing.json" "$work/u.csv" >"$work/wing.csv"
+    "$python" tests/peers/check_curve.py "$work/wing.dxf" "$work/wing.csv"
+    "$python" tests/peers/check_curve.py "$work/wing.svg" "$work/wing.csv"
+    awk 'NR == 1 { print $0 ",z" } NR > 1 { print $0 ",0" }' "$work/wing.csv" >"$work/wing-3.csv"
+    "$python" tests/peers/check_step.py "$work/wing.step" "$work/wing-3.csv"
+done
+echo "wing: passed"

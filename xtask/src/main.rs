@@ -246,6 +246,21 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Tables 3.1 and 3.2: curves whose weights follow their markers; fits of measured curves.
+    Curves {
+        /// A folder with measured curves, such as `titanium_heat.csv`; without it only generated ones are fitted.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The file to write, docs/results/curves.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// Figure 3.2: weights with hierarchical box splines.
+    BoxSplines {
+        /// The file to write, docs/results/box-splines.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
     Classical {
         /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
@@ -282,6 +297,12 @@ fn main() -> Result<()> {
                         data.is_none().then_some("tables of measured clouds need --data DIR and were left out");
                     ("qi", out, missing, tables::qi::document(data.as_deref())?)
                 }
+                Tables::Curves { data, out } => {
+                    let missing =
+                        data.is_none().then_some("the table of measured curves needs --data DIR and was left out");
+                    ("curves", out, missing, tables::curves::document(data.as_deref())?)
+                }
+                Tables::BoxSplines { out } => ("box-splines", out, None, tables::box_splines::document()?),
                 Tables::Classical { data, out } => {
                     let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
                     ("classical", out, missing, tables::classical::document(data.as_deref())?)

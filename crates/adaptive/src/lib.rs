@@ -11,7 +11,7 @@ pub use run::{Iteration, Observer, Options, Outcome, Seconds, Stop, run};
 
 use std::sync::Arc;
 
-use thb_core::{HierarchicalSpace, SplineMap};
+use thb_core::{HierarchicalSpace, Refinement, SplineMap};
 
 /// A method that fits a spline map in a given space.
 pub trait Solve<const D: usize> {
@@ -39,6 +39,20 @@ pub trait Solve<const D: usize> {
     /// with [`Stop::Data`].
     fn mark(&self, _map: &SplineMap<D>, _tolerance: f64) -> Option<Vec<usize>> {
         None
+    }
+
+    /// REFINE: the space with the marked cells refined, or the same cells where none of them can be. A method with spaces of
+    /// its own, such as B-splines with inserted knots, refines in its own way; the others by [`HierarchicalSpace::refine`].
+    ///
+    /// # Errors
+    /// Those of the space: they end the loop with [`Stop::Levels`].
+    fn refine(
+        &self,
+        space: &HierarchicalSpace<D>,
+        marked: &[usize],
+        refinement: &Refinement<D>,
+    ) -> Result<HierarchicalSpace<D>, thb_core::Error> {
+        space.refine(marked, refinement)
     }
 }
 

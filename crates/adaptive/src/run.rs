@@ -165,7 +165,7 @@ pub fn run<const D: usize, S: Solve<D>>(
         let refining = Instant::now();
         let next = match stop_before_refining(&record, &history, options, interrupted) {
             Some(stop) => Err(stop),
-            None => refine(&space, &marked, options),
+            None => refine(method, &space, &marked, options),
         };
         record.seconds.refine = refining.elapsed().as_secs_f64();
         history.push(record);
@@ -244,7 +244,8 @@ fn stagnates(record: &Iteration, history: &[Iteration]) -> bool {
 }
 
 /// Refines the marked cells, worst first, as far as the limit on functions allows.
-fn refine<const D: usize>(
+fn refine<const D: usize, S: Solve<D>>(
+    method: &S,
     space: &HierarchicalSpace<D>,
     marked: &[usize],
     options: &Options<D>,
@@ -253,7 +254,7 @@ fn refine<const D: usize>(
         return Err(Stop::Data);
     }
     // Indices of marked cells come from the space itself, so what remains of errors is the limit on levels.
-    let of_worst = |count: usize| space.refine(&marked[..count], &options.refinement).map_err(|_| Stop::Levels);
+    let of_worst = |count: usize| method.refine(space, &marked[..count], &options.refinement).map_err(|_| Stop::Levels);
     let mut best = of_worst(marked.len())?;
     if best.n_cells() == space.n_cells() {
         return Err(Stop::Levels);

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use reconstruct::{
-    BlendChoice, BoundaryChoice, Clean, Closed, Crop, Domain, Energy, FitOptions, Format, GivenCorners, LambdaChoice,
-    LengthUnit, LocalRule, Mark, Method, Pair, ParameterChoice, ParameterOptions, QuasiOptions, RadiusChoice,
-    ReadOptions, Refine, SideRule, Tolerance,
+    BlendChoice, BoundaryChoice, Clean, Closed, ClosedChoice, CornerChoice, Crop, CurveOptions, CurveParameters,
+    Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule, Mark,
+    Method, Pair, ParameterChoice, ParameterOptions, QuasiOptions, RadiusChoice, ReadOptions, Refine, SideRule,
+    Tolerance,
 };
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
@@ -33,6 +34,9 @@ pub(crate) enum Command {
     /// Fit a surface to a scan, or to many.
     #[command(after_long_help = FIT_HELP)]
     Fit(Box<FitArgs>),
+    /// Fit a curve to a sequence of points, or to values of a function.
+    #[command(after_long_help = CURVE_HELP)]
+    FitCurve(Box<CurveArgs>),
     /// Lay out a scan on the unit square: parameters, a picture of them, and how good they are.
     #[command(after_long_help = PARAM_HELP)]
     Param(Box<ParamArgs>),
@@ -47,7 +51,7 @@ pub(crate) enum Command {
     Convert {
         /// Model, .json or .xml.
         model: PathBuf,
-        /// Output: .step .stp .xml .json, or a sampled mesh .obj .ply .vtk.
+        /// Output: .step .stp .xml .json, a sampled mesh .obj .ply .vtk, or for curves .svg .dxf.
         #[arg(short, long)]
         output: PathBuf,
         /// Control points up to which a STEP file holds one face; beyond, it holds several.
@@ -241,6 +245,129 @@ impl FitArgs {
             flip: self.flip,
             seed: self.seed,
             threads: self.threads,
+        }
+    }
+}
+
+const CURVE_HELP: &str = "Examples:
+  thb fit-curve airfoil.dat -o airfoil.step -o airfoil.svg
+      a section, closed at its trailing edge; and a picture with points and knots
+  thb fit-curve measured.csv --graph --tol 0.5% -o measured.json
+      y as a function of x: a smooth curve through values
+  thb fit-curve outline.xyz --corners 0,140,311 --tol 0.01 -o outline.dxf
+      with corners where you know them
+  thb fit-curve outline.csv --method joint --tol 0.01 -o outline.step
+      parameters move with the curve: fewer control points
+
+Input: one point a line, in order: .csv .txt .dat .xyz and the other formats of points, with one to three coordinates
+(--columns chooses them). A column u holds parameters. A line of words at the top is skipped. Noise is smoothed by
+--lambda, with few --knots, not by a tolerance below it.
+
+If the tolerance is not reached, the report says why: 'too-few-points' (spans run out of points: noise; raise --tol),
+'levels' (--halvings), 'max-dofs' (--max-dofs), 'stagnation' (noise), 'fixed-knots' (--knots is a number).";
+
+#[derive(Args, Debug)]
+pub(crate) struct CurveArgs {
+    /// Points, one a line, in the order of the curve; - is standard input.
+    pub(crate) input: PathBuf,
+    /// Output, the format by extension (.step .stp .xml .json .svg .dxf); may be repeated. [default: a report only]
+    #[arg(short, long = "output", value_name = "OUT")]
+    pub(crate) outputs: Vec<PathBuf>,
+    /// Report as JSON.
+    #[arg(long, value_name = "R.json")]
+    pub(crate) report: Option<PathBuf>,
+    #[command(flatten)]
+    read: ReadArgs,
+    /// The first coordinate is the parameter, and the others are functions of it.
+    #[arg(long, help_heading = "How it is laid out")]
+    graph: bool,
+    /// Parameters: auto (those of the file, else chord), given, chord, centripetal, parcnn or uniform.
+    #[arg(long, default_value_t = CurveOptions::default().param, help_heading = "How it is laid out")]
+    param: CurveParameters,
+    /// Whether the curve closes: auto (where the last point is the first one, or as near as neighbours are), yes or no.
+    #[arg(long, default_value_t = CurveOptions::default().closed, help_heading = "How it is laid out")]
+    closed: ClosedChoice,
+    /// Where the curve may turn sharply: auto (points that turn by 40 degrees and three times as much as their
+    /// neighbours), none, or rows of the input, from 0.
+    #[arg(long, default_value_t = CurveOptions::default().corners, help_heading = "How it is laid out")]
+    corners: CornerChoice,
+    /// Ends of an open curve: free, or held (at the first and the last point).
+    #[arg(long, default_value_t = CurveOptions::default().ends, help_heading = "How it is laid out")]
+    ends: Ends,
+
+    /// Fitting method: ls (parameters stay), or parameters that move with the curve: a-pdm, a-tdm, a-hdm (in turn), j-pdm,
+    /// joint (at once).
+    #[arg(long, default_value_t = CurveOptions::default().method, help_heading = "What is fitted")]
+    method: Method,
+    /// Corrections of the parameters after each refinement, for a-pdm, a-tdm and a-hdm.
+    #[arg(long, default_value_t = CurveOptions::default().corrections, help_heading = "What is fitted")]
+    corrections: usize,
+    /// Weight of the point distance in a-hdm: error, or a number from 0 to 1.
+    #[arg(long, default_value_t = CurveOptions::default().blend, help_heading = "What is fitted")]
+    blend: BlendChoice,
+    /// Relative damping of the steps of a-tdm.
+    #[arg(long, default_value_t = CurveOptions::default().damping, help_heading = "What is fitted")]
+    damping: f64,
+    /// Degree, 1 to 8.
+    #[arg(long, default_value_t = CurveOptions::default().degree, help_heading = "What is fitted")]
+    degree: usize,
+    /// Knots: adaptive (dyadic, where errors are), a number of inner knots (by averaging the parameters), or uniform:N.
+    #[arg(long, default_value_t = CurveOptions::default().knots, help_heading = "What is fitted")]
+    knots: KnotChoice,
+    /// Elements that adaptive knots start from, between corners.
+    #[arg(long, default_value_t = CurveOptions::default().elements, help_heading = "What is fitted")]
+    mesh: usize,
+    /// Smoothing weight: auto (by error on held-out points, within the tolerance) or a number, for parameters scaled to
+    /// the unit interval.
+    #[arg(long, default_value_t = CurveOptions::default().lambda, allow_hyphen_values = true, help_heading = "What is fitted")]
+    lambda: LambdaChoice,
+
+    /// Tolerance, a length in the units of the input or a percentage of the bounding box diagonal (of a graph: of the
+    /// values).
+    #[arg(long, default_value_t = CurveOptions::default().tol, allow_hyphen_values = true, help_heading = "When it is good enough")]
+    tol: Tolerance,
+    /// Share of the points that must be within the tolerance; 1 for all.
+    #[arg(long, visible_alias = "nu", default_value_t = CurveOptions::default().within, allow_hyphen_values = true, help_heading = "When it is good enough")]
+    within: f64,
+    /// Spans that get a knot: threshold (those with a point beyond the tolerance) or share:S (those with the worst share S
+    /// of the points).
+    #[arg(long, default_value_t = CurveOptions::default().mark, help_heading = "When it is good enough")]
+    mark: Mark,
+    /// How often the domain may be halved: no span gets shorter.
+    #[arg(long, default_value_t = CurveOptions::default().halvings, help_heading = "When it is good enough")]
+    halvings: u32,
+    /// Largest number of control points. [default: the number of points]
+    #[arg(long, help_heading = "When it is good enough")]
+    max_dofs: Option<usize>,
+    /// Length unit of the coordinates: mm, m or inch.
+    #[arg(long, default_value = "mm", value_parser = unit, help_heading = "What is written")]
+    units: LengthUnit,
+}
+
+impl CurveArgs {
+    /// The options of the fit.
+    pub(crate) fn options(&self) -> CurveOptions {
+        CurveOptions {
+            read: self.read.options(),
+            graph: self.graph,
+            param: self.param,
+            closed: self.closed,
+            corners: self.corners.clone(),
+            ends: self.ends,
+            method: self.method,
+            corrections: self.corrections,
+            blend: self.blend,
+            damping: self.damping,
+            degree: self.degree,
+            knots: self.knots,
+            elements: self.mesh,
+            lambda: self.lambda,
+            tol: self.tol,
+            within: self.within,
+            mark: self.mark,
+            halvings: self.halvings,
+            max_dofs: self.max_dofs,
+            units: self.units,
         }
     }
 }

@@ -11,7 +11,7 @@ use clap::Parser;
 use reconstruct::{BatchEvent, BatchOptions, Error, PartOutcome, PartResult, run_batch};
 use serde::Serialize;
 
-use args::{Cli, Command, FitArgs, ParamArgs};
+use args::{Cli, Command, CurveArgs, FitArgs, ParamArgs};
 use progress::Progress;
 
 const FAILED: u8 = 1;
@@ -40,6 +40,7 @@ fn main() -> ExitCode {
                     Error::OptionRange { .. }
                         | Error::OutputFormat { .. }
                         | Error::ParameterFormat { .. }
+                        | Error::CurveFormat { .. }
                         | Error::NeedsDirectory { .. }
                         | Error::SameName { .. }
                         | Error::OutputTwice { .. }
@@ -54,6 +55,7 @@ fn main() -> ExitCode {
 fn run(command: Command) -> anyhow::Result<u8> {
     match command {
         Command::Fit(args) => return fit(&args),
+        Command::FitCurve(args) => return fit_curve(&args),
         Command::Param(args) => param(&args)?,
         Command::Eval { model, parameters } => {
             let rows = reconstruct::eval_model(&model, &parameters)?;
@@ -62,6 +64,7 @@ fn run(command: Command) -> anyhow::Result<u8> {
             let names: &[&str] = match rows.ncols() {
                 4 => &["u", "x", "y", "z"],
                 3 => &["u", "x", "y"],
+                2 => &["u", "x"],
                 n => &header[..n.min(5)],
             };
             let mut out = BufWriter::new(io::stdout().lock());
@@ -103,6 +106,21 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
         }
     }
     Ok(exit_code(&results))
+}
+
+fn fit_curve(args: &CurveArgs) -> anyhow::Result<u8> {
+    let options = args.options();
+    options.check()?;
+    reconstruct::check_curve_outputs(&args.input, &args.outputs, args.report.as_deref())?;
+    let fit = reconstruct::fit_curve_file(&args.input, &options)?;
+    for output in &args.outputs {
+        reconstruct::write_curve(output, &fit)?;
+    }
+    if let Some(path) = &args.report {
+        reconstruct::write_report(path, &fit.report)?;
+    }
+    write!(io::stdout().lock(), "{}", fit.report)?;
+    Ok(if fit.reached() { 0 } else { TOLERANCE_NOT_REACHED })
 }
 
 fn param(args: &ParamArgs) -> anyhow::Result<()> {

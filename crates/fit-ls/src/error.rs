@@ -99,4 +99,25 @@ pub enum Error {
     /// Statistics of different problems cannot be merged.
     #[error("normal equations of different spaces cannot be merged")]
     DifferentSpaces,
+    /// There are more subsets of points than can be gone through.
+    #[error(
+        "the subsets of {points} points that determine {functions} functions are more than {limit}: take fewer points, or a \
+         smaller space"
+    )]
+    TooManySubsets {
+        /// Number of points.
+        points: usize,
+        /// Number of functions.
+        functions: usize,
+        /// Largest number of subsets.
+        limit: usize,
+    },
+    /// No subset of the points has an interpolant.
+    #[error("no subset of {points} points determines the {functions} functions of the space")]
+    NoInterpolant {
+        /// Number of points.
+        points: usize,
+        /// Number of functions.
+        functions: usize,
+    },
 }

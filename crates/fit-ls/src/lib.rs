@@ -30,11 +30,13 @@ mod boundary;
 mod cholesky;
 mod creases;
 mod error;
+mod interpolants;
 mod kernel;
 mod lambda;
 mod least_squares;
 mod metrics;
 mod normal;
+mod plain;
 mod sorted;
 
 pub use block::BlockEquations;
@@ -42,9 +44,13 @@ pub use boundary::{Side, boundary_coefficients, boundary_functions};
 pub use cholesky::{Cholesky, FactorizationError};
 pub use creases::creases;
 pub use error::Error;
+pub use interpolants::{
+    Interpolant, Interpolants, collocation_matrix, schoenberg_whitney, wls_as_interpolants, wls_limit,
+};
 pub use kernel::CellSums;
 pub use lambda::{Lambda, automatic_lambda};
 pub use least_squares::{Fixed, LeastSquares, Options, eliminate};
 pub use metrics::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use normal::{NormalEquations, PointBox, box_sums};
+pub use plain::weighted_least_squares;
 pub use sorted::SortedPoints;

@@ -19,8 +19,8 @@ mod write;
 
 pub use error::{Location, ReadError, ReadErrorKind, WriteError};
 pub use model::{
-    Geometry, LengthUnit, Model, ModelError, ModelErrorKind, ModelFormat, StepOptions, WriteOptions, read_model,
-    write_model,
+    GRAPH, Geometry, LengthUnit, Model, ModelError, ModelErrorKind, ModelFormat, StepOptions, SvgOptions, WriteOptions,
+    read_model, write_model,
 };
 pub use read::{Format, ReadOptions, Scan, parse_scan, read_scan};
 pub use write::{ColourMap, MeshFormat, MeshStyle, MeshWithScalars, Scalars, write_atomically, write_mesh};

@@ -33,7 +33,7 @@ fn the_path_stands_in_front() {
     let error = read_scan("no/such/scan.ply".as_ref(), &ReadOptions::default()).unwrap_err();
     assert!(matches!(error.kind, Kind::Io(_)));
     assert!(error.to_string().starts_with("no/such/scan.ply: cannot be read: "), "{error}");
-    let error = read_scan("scan.dat".as_ref(), &ReadOptions::default()).unwrap_err();
+    let error = read_scan("scan.tab".as_ref(), &ReadOptions::default()).unwrap_err();
     assert!(matches!(error.kind, Kind::UnknownExtension { .. }));
 }
 

@@ -249,10 +249,10 @@ fn extensions_in_any_case() {
             assert_eq!(Format::from_path(path.as_ref()).unwrap(), format);
         }
     }
-    let Err(ReadErrorKind::UnknownExtension { extension, supported }) = Format::from_path("scan.DAT".as_ref()) else {
-        panic!("dat names no format");
+    let Err(ReadErrorKind::UnknownExtension { extension, supported }) = Format::from_path("scan.TAB".as_ref()) else {
+        panic!("tab names no format");
     };
-    assert_eq!(extension, "dat");
+    assert_eq!(extension, "tab");
     assert!(supported.contains(".ply") && supported.contains(".xml"));
     assert!(Format::from_path("ply".as_ref()).is_err());
 }

@@ -37,7 +37,8 @@ fn write_points<const D: usize>(path: &Path, map: &SplineMap<D>) {
 }
 
 fn step(max_control_points: usize, flip: bool) -> WriteOptions {
-    WriteOptions { step: StepOptions { max_control_points, flip, ..StepOptions::default() } }
+    let step = StepOptions { max_control_points, flip, ..StepOptions::default() };
+    WriteOptions { step, ..WriteOptions::default() }
 }
 
 #[test]

@@ -154,7 +154,7 @@ fn the_format_of_a_path() {
     for (path, format) in [("a.csv.gz", Format::Csv), ("a.b.PLY.GZ", Format::Ply), ("a.laz", Format::Las)] {
         assert_eq!(Format::from_path(Path::new(path)).unwrap(), format, "{path}");
     }
-    for path in ["a.gz", "a.dat", "a.dat.gz", "gz"] {
+    for path in ["a.gz", "a.tab", "a.tab.gz", "gz"] {
         assert!(matches!(Format::from_path(Path::new(path)), Err(Kind::UnknownExtension { .. })), "{path}");
     }
     let error = read_scan(Path::new("-"), &ReadOptions::default()).unwrap_err();

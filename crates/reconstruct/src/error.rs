@@ -201,4 +201,41 @@ pub enum Error {
         /// The model's file.
         path: PathBuf,
     },
+    /// Points of a curve have one to three coordinates.
+    #[error(
+        "points have {given} coordinates; a curve needs 1 to 3, and a graph x and 1 to 3 values; choose them with --columns"
+    )]
+    CurveDimension {
+        /// Number of coordinates.
+        given: usize,
+    },
+    /// A graph needs x and a value.
+    #[error("points have {given} coordinates; --graph needs x and a value")]
+    GraphColumns {
+        /// Number of coordinates.
+        given: usize,
+    },
+    /// More knots than the points can determine.
+    #[error(
+        "{given} inner knots make {control_points} control points, more than the {points} points; ask for fewer --knots"
+    )]
+    TooManyKnots {
+        /// Number of inner knots.
+        given: usize,
+        /// Number of control points they make.
+        control_points: usize,
+        /// Number of points.
+        points: usize,
+    },
+    /// Corners on a closed curve whose parameters are given.
+    #[error(
+        "a closed curve with given parameters has no corners; use --corners none, or leave the parameters to --param chord"
+    )]
+    ClosedWithCorners,
+    /// The name of an output of a curve tells no format.
+    #[error("{}: the extension names no format of curves; possible are .step .stp .xml .json .svg .dxf", path.display())]
+    CurveFormat {
+        /// The output.
+        path: PathBuf,
+    },
 }

@@ -123,7 +123,7 @@ pub fn convert(input: &Path, output: &Path, max_step_control_points: usize, flip
     let model = read_model(input)?;
     if ModelFormat::from_path(output).is_some() {
         let step = StepOptions { max_control_points: max_step_control_points, flip, ..StepOptions::default() };
-        return Ok(write_model(output, &model, &WriteOptions { step })?);
+        return Ok(write_model(output, &model, &WriteOptions { step, ..WriteOptions::default() })?);
     }
     if MeshFormat::from_path(output).is_err() {
         return Err(Error::OutputFormat { path: output.to_owned() });

@@ -24,6 +24,7 @@
 
 mod batch;
 mod clean;
+mod curve;
 mod error;
 mod fit;
 mod fitting;
@@ -39,6 +40,10 @@ mod report;
 mod watch;
 
 pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
+pub use curve::{
+    ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveOptions, CurveParameters, CurveReport,
+    CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file, fit_sequence, write_curve,
+};
 pub use error::Error;
 pub use fit::{Fit, fit_file, fit_scan};
 pub use inspect::{Comparison, Info, compare, convert, eval_model, info};

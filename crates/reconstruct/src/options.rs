@@ -160,7 +160,7 @@ macro_rules! serialize_as_typed {
 pub(crate) use serialize_as_typed;
 serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy);
 
-fn unit_name<S: Serializer>(unit: &LengthUnit, serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn unit_name<S: Serializer>(unit: &LengthUnit, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(unit.name())
 }
 

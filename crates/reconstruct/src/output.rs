@@ -59,7 +59,7 @@ pub(crate) fn is_directory(output: &Path) -> bool {
 }
 
 fn is_output_file(path: &Path) -> bool {
-    ModelFormat::from_path(path).is_some() || MeshFormat::from_path(path).is_ok()
+    ModelFormat::from_path(path).is_some_and(ModelFormat::holds_surfaces) || MeshFormat::from_path(path).is_ok()
 }
 
 /// Writes a fit to its files, each complete or not at all, and makes the directories they lie in.
@@ -75,7 +75,7 @@ pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
                 flip: fit.reversed,
                 ..StepOptions::default()
             };
-            write_model(path, &fit.model, &WriteOptions { step })?;
+            write_model(path, &fit.model, &WriteOptions { step, ..WriteOptions::default() })?;
         } else {
             let (mesh, parameters) = tessellate(fit.surface(), fit.reversed)?;
             let values = nearest_errors(fit, &parameters);
@@ -139,7 +139,7 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), Error> {
     Ok(write_atomically(path, |out| out.write_all(text.as_bytes()))?)
 }
 
-fn make_parent(path: &Path) -> Result<(), Error> {
+pub(crate) fn make_parent(path: &Path) -> Result<(), Error> {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => {
             std::fs::create_dir_all(parent).map_err(|source| Error::Io { path: parent.to_owned(), source })

@@ -27,6 +27,7 @@
 //! The crate reads no file, knows no point cloud, and logs nothing.
 
 pub mod bernstein;
+mod box_spline;
 mod closest;
 mod energy;
 mod error;
@@ -42,6 +43,7 @@ mod sparse;
 mod tensor;
 mod transfer;
 
+pub use box_spline::BoxSplineSpace;
 pub use closest::{ClosestPoint, ClosestPoints};
 pub use energy::{Quadrature, ThinPlate};
 pub use error::Error;

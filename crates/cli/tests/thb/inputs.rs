@@ -123,20 +123,20 @@ fn what_a_file_leaves_open_is_said_by_options() {
         let (x, y) = (f64::from(i) / 11.0, f64::from(j) / 11.0);
         text += &format!("7;{x};{y};{}\n", 0.3 * x * y);
     }
-    let lab = Lab::with("scan.dat", &text);
-    lab.fails("info scan.dat", 1, &["dat", "option format"]);
-    lab.fails("info scan.dat --format csv", 1, &["no column named x, y", "option columns"]);
-    lab.fails("info scan.dat --format dat", 2, &["--format", "xyz"]);
-    lab.fails("info scan.dat --class 300", 2, &["--class"]);
+    let lab = Lab::with("scan.tab", &text);
+    lab.fails("info scan.tab", 1, &["tab", "option format"]);
+    lab.fails("info scan.tab --format csv", 1, &["no column named x, y", "option columns"]);
+    lab.fails("info scan.tab --format tab", 2, &["--format", "xyz"]);
+    lab.fails("info scan.tab --class 300", 2, &["--class"]);
     lab.fails("info -", 1, &["standard input", "option format"]);
     let read = "--format csv --columns easting,northing,height --height-field";
-    assert_eq!(lab.prints_json(&format!("info scan.dat {read}"))["parameters"], true);
-    lab.succeeds(&format!("fit scan.dat {read} -o part.json --report report.json"));
+    assert_eq!(lab.prints_json(&format!("info scan.tab {read}"))["parameters"], true);
+    lab.succeeds(&format!("fit scan.tab {read} -o part.json --report report.json"));
     let report = lab.json("report.json");
     assert_eq!(report["input"]["parameterization"], "given");
     assert_eq!(report["options"]["columns"], serde_json::json!(["easting", "northing", "height"]));
     assert_eq!(report["options"]["format"], "csv");
-    assert!(lab.prints_json(&format!("compare part.json scan.dat {read}"))["dhd"].as_f64().unwrap() < 1e-3);
-    lab.succeeds(&format!("fit - {read} -o out/ < scan.dat"));
+    assert!(lab.prints_json(&format!("compare part.json scan.tab {read}"))["dhd"].as_f64().unwrap() < 1e-3);
+    lab.succeeds(&format!("fit - {read} -o out/ < scan.tab"));
     assert!(lab.files().contains("out/stdin.report.json"), "{:?}", lab.files());
 }

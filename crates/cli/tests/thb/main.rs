@@ -2,6 +2,7 @@
 
 mod batch;
 mod closed;
+mod curves;
 mod inputs;
 mod lab;
 mod layouts;

@@ -160,8 +160,14 @@ pub enum ModelErrorKind {
         /// Number of cells of the level per direction.
         grid: Vec<usize>,
     },
+    /// A surface was to go where only curves can.
+    #[error("{format} files hold curves, and the model is a surface; write .step, .xml or .json")]
+    CurvesOnly {
+        /// The format.
+        format: &'static str,
+    },
     /// The points of the model have a dimension that the format cannot hold.
-    #[error("points of dimension {given}; STEP takes 3, or 2 for curves and surfaces in the plane")]
+    #[error("points of dimension {given}; STEP and DXF take 3, or 2 for curves and surfaces in the plane")]
     PointDimension {
         /// Dimension of the points.
         given: usize,

@@ -1,14 +1,16 @@
-//! Spline models in files: our own JSON, G+Smo's XML, STEP.
+//! Spline models in files: our own JSON, G+Smo's XML, STEP; curves also as SVG and DXF.
 //!
 //! JSON is read back to the last bit and is the format to keep. XML goes to and comes from G+Smo. STEP goes to CAD:
 //! it knows no hierarchical splines, so a surface becomes one tensor-product face or a shell of several, without any
 //! approximation ([`step`]).
 
 mod build;
+pub mod dxf;
 mod error;
 pub mod gismo;
 pub mod json;
 pub mod step;
+pub mod svg;
 
 use std::fs;
 use std::path::Path;
@@ -18,6 +20,7 @@ use thb_core::SplineMap;
 
 pub use error::{ModelError, ModelErrorKind};
 pub use step::StepOptions;
+pub use svg::{GRAPH, SvgOptions};
 
 use crate::write::write_atomically;
 
@@ -91,6 +94,10 @@ pub enum ModelFormat {
     GismoXml,
     /// AP214, `.step` or `.stp`; written only.
     Step,
+    /// A picture of a curve, `.svg`; written only.
+    Svg,
+    /// A drawing of a curve, `.dxf`; written only.
+    Dxf,
 }
 
 impl ModelFormat {
@@ -100,8 +107,15 @@ impl ModelFormat {
             "json" => Some(Self::Json),
             "xml" => Some(Self::GismoXml),
             "step" | "stp" => Some(Self::Step),
+            "svg" => Some(Self::Svg),
+            "dxf" => Some(Self::Dxf),
             _ => None,
         }
+    }
+
+    /// Whether the format holds surfaces; all hold curves.
+    pub fn holds_surfaces(self) -> bool {
+        !matches!(self, Self::Svg | Self::Dxf)
     }
 }
 
@@ -114,16 +128,21 @@ fn extension(path: &Path) -> String {
 pub struct WriteOptions {
     /// For STEP. An empty file name there is replaced by that of the file.
     pub step: StepOptions,
+    /// For SVG.
+    pub svg: SvgOptions,
 }
 
-/// Writes a model in the format of the file name's extension (`.step`, `.stp`, `.xml`, `.json`), whole or not at all.
+/// Writes a model in the format of the file name's extension (`.step`, `.stp`, `.xml`, `.json`; for curves `.svg`,
+/// `.dxf`), whole or not at all.
 ///
 /// # Errors
 /// [`ModelError`] with [`ModelErrorKind::UnknownExtension`], what the system says, or what the format cannot hold.
 pub fn write_model(path: &Path, model: &Model, options: &WriteOptions) -> Result<(), ModelError> {
     let write = || -> Result<(), ModelErrorKind> {
-        let unknown =
-            || ModelErrorKind::UnknownExtension { extension: extension(path), supported: ".step .stp .xml .json" };
+        let unknown = || ModelErrorKind::UnknownExtension {
+            extension: extension(path),
+            supported: ".step .stp .xml .json .svg .dxf",
+        };
         match ModelFormat::from_path(path).ok_or_else(unknown)? {
             ModelFormat::Json => write_atomically(path, |out| json::write_json(out, model))?,
             ModelFormat::GismoXml => write_atomically(path, |out| gismo::write_gismo(out, model))?,
@@ -133,6 +152,14 @@ pub fn write_model(path: &Path, model: &Model, options: &WriteOptions) -> Result
                     options.file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 }
                 let file = step::StepFile::new(model, &options)?;
+                write_atomically(path, |out| file.write(out))?;
+            }
+            ModelFormat::Svg => {
+                let text = svg::draw_svg(model, &options.svg)?;
+                write_atomically(path, |out| out.write_all(text.as_bytes()))?;
+            }
+            ModelFormat::Dxf => {
+                let file = dxf::DxfFile::new(model)?;
                 write_atomically(path, |out| file.write(out))?;
             }
         }

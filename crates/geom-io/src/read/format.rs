@@ -74,7 +74,7 @@ impl Format {
             Self::Obj => &["obj"],
             Self::Off => &["off"],
             Self::Stl => &["stl"],
-            Self::Xyz => &["xyz", "txt", "pts"],
+            Self::Xyz => &["xyz", "txt", "pts", "dat"],
             Self::Csv => &["csv"],
             Self::EsriGrid => &["asc"],
             Self::Pcd => &["pcd"],

@@ -1,0 +1,255 @@
+//! The pipeline of curves: read, prepare, fit, report.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use adaptive::{Deviation, Iteration, Outcome, Stop};
+use fit_ls::{Lambda, LeastSquares, directed_hausdorff, map_to_points, schoenberg_whitney};
+use geom_io::{GRAPH, Model};
+use moving_param::{Blend, Distance, JointOptions, Schedule};
+use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
+use point_cloud::BoundingBox;
+use thb_core::{CellSpace, HierarchicalSpace, Kind, SplineMap};
+
+use super::choices::KnotChoice;
+use super::method::CurveMethod;
+use super::options::CurveOptions;
+use super::report::{CurveInput, CurveIteration, CurveReport, CurveResult};
+use super::sequence::{self, Closing, Given, Sequence};
+use super::start::start_knots;
+use crate::fit::SAMPLES;
+use crate::fitting::FAR as FAR_AWAY;
+use crate::{BlendChoice, Error, Method};
+
+/// A fitted curve with its report and its data.
+#[derive(Clone, Debug)]
+pub struct CurveFit {
+    /// The curve; of a graph its first coordinate is its parameter.
+    pub model: Model,
+    /// How good it is.
+    pub report: CurveReport,
+    /// Points that were fitted, in the order of the curve, `(m, N)`.
+    pub points: Array2<f64>,
+    /// Their parameters, `(m,)`.
+    pub parameters: Array1<f64>,
+    /// Their distances to the curve at their parameters.
+    pub errors: Array1<f64>,
+}
+
+impl CurveFit {
+    /// Whether the asked share of points is within the tolerance.
+    pub fn reached(&self) -> bool {
+        self.report.result.reached
+    }
+
+    /// The curve.
+    pub fn curve(&self) -> &SplineMap<1> {
+        match &self.model.geometry {
+            geom_io::Geometry::Curve(map) => map,
+            geom_io::Geometry::Surface(_) => unreachable!("a curve fit makes a curve"),
+        }
+    }
+}
+
+/// Reads a sequence of points, as the options say, and fits it.
+///
+/// # Errors
+/// [`Error`].
+pub fn fit_curve_file(path: &Path, options: &CurveOptions) -> Result<CurveFit, Error> {
+    options.check()?;
+    fit(sequence::read(path, &options.read)?, &path.display().to_string(), options)
+}
+
+/// Fits points `(m, N)` in the order of the curve, N from 1 to 3 (with [`CurveOptions::graph`] x and up to 3 values); `name`
+/// stands in the report.
+///
+/// # Errors
+/// [`Error`]. A tolerance that is not reached is no error: the report says why the fit ended.
+pub fn fit_sequence(points: ArrayView2<'_, f64>, name: &str, options: &CurveOptions) -> Result<CurveFit, Error> {
+    options.check()?;
+    fit(Given { points: points.to_owned(), parameters: None, notes: Vec::new(), format: "" }, name, options)
+}
+
+fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Error> {
+    let start = Instant::now();
+    let span = tracing::info_span!("fit_curve", name);
+    let _guard = span.enter();
+    let (rows, format) = (given.points.nrows(), given.format);
+    let sequence = sequence::prepare(given, options)?;
+    let (m, dimension) = sequence.points.dim();
+    if !(1..=3).contains(&dimension) {
+        return Err(Error::CurveDimension { given: dimension });
+    }
+    let diagonal = BoundingBox::of(sequence.points.view())?.diagonal();
+    let tolerance = options.tol.resolve(diagonal);
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [start_knots(&sequence, options)?])?);
+    let length = sequence.domain.1 - sequence.domain.0;
+    let mut warnings = sequence.notes.clone();
+    let mut fitting = fit_ls::Options {
+        lambda: options.lambda.resolve(tolerance),
+        lengths: [1.0 / length],
+        ..fit_ls::Options::default()
+    };
+    if fitting.lambda == Lambda::Fixed(0.0) && !determines(&sequence, &space)? {
+        let lambda = least_lambda(&sequence, &space, &fitting)?;
+        warnings.push(format!(
+            "between corners or knots there are too few points to determine the curve; it is drawn calm there by the \
+             smoothing weight {lambda:.1e}"
+        ));
+        fitting.lambda = Lambda::Fixed(lambda);
+    }
+    let shortest = length * 0.5_f64.powi(options.halvings as i32);
+    let moving = moving_options(options, tolerance);
+    let mut method = CurveMethod::new(&sequence, fitting, moving, options.mark.0, shortest, tolerance)?;
+    let adapts = options.knots == KnotChoice::Adaptive;
+    let rules = adaptive::Options {
+        tolerance,
+        within: options.within,
+        marking: options.mark.0,
+        max_dofs: options.max_dofs.unwrap_or(m),
+        // Marking a share inserts few knots at a time.
+        max_iterations: if adapts { m.max(50) } else { 1 },
+        ..adaptive::Options::default()
+    };
+    let mut observer = |_: &Iteration| ControlFlow::Continue(());
+    let Outcome { map, stop, failure, history, .. } = adaptive::run(&mut method, space, &rules, &mut observer)?;
+    if let Some(failure) = failure {
+        warnings.push(format!("the last knots that were inserted could not be solved for: {failure}"));
+    }
+    let parameters = method.parameters();
+    let errors = method.errors(&map)?;
+    let deviation = Deviation::new(&errors.to_vec(), tolerance);
+    let is_function = dimension == 1 || options.graph;
+    let dhd =
+        if is_function { deviation.max } else { directed_hausdorff(&map, parameters.view(), sequence.points.view())? };
+    // Nothing is between the values of a function.
+    let hsd = if is_function { dhd } else { dhd.max(map_to_points(&map, sequence.points.view(), SAMPLES)?) };
+    if hsd > FAR_AWAY * diagonal {
+        warnings.push(format!(
+            "the curve leaves the points by up to {hsd:.4e}, {:.1} % of the diagonal: it spans a gap or swings out between \
+             points; look at it, and raise --lambda if it swings",
+            100.0 * hsd / diagonal
+        ));
+    }
+    let stop = if !adapts && stop == Stop::Iterations { "fixed-knots" } else { stop.name() };
+    let knots = map.space().knots(0, 0)?;
+    let moves = method.moves();
+    let report = CurveReport {
+        schema: 1,
+        input: CurveInput {
+            file: name.to_owned(),
+            format,
+            points: rows,
+            fitted_points: m,
+            dimension,
+            diagonal,
+            closed: sequence.closing.name(),
+            corners: sequence.corner_rows.clone(),
+            parameterization: sequence.method,
+        },
+        options: options.clone(),
+        result: CurveResult {
+            control_points: map.space().n_functions(),
+            spans: map.space().n_cells(),
+            degree: options.degree,
+            periodic: sequence.closing == Closing::Periodic,
+            knots: if knots.is_periodic() { knots.breaks() } else { knots.knots() }.to_vec(),
+            max: deviation.max,
+            mse: deviation.mse,
+            rmse: deviation.rmse(),
+            within: deviation.within,
+            tolerance,
+            lambda: method.lambda(),
+            dhd,
+            hsd,
+            seconds: start.elapsed().as_secs_f64(),
+            stop,
+            reached: deviation.within >= options.within,
+        },
+        history: history.iter().enumerate().map(|(k, record)| CurveIteration::new(record, moves.get(k))).collect(),
+        warnings,
+    };
+    let mut model = Model::curve(if options.graph { graph_of(&map)? } else { map }, options.units);
+    model.metadata.insert("source".into(), name.into());
+    if options.graph {
+        model.metadata.insert(GRAPH.into(), true.into());
+    }
+    let parameters = parameters.column(0).to_owned();
+    let points = fitted_points(&sequence, options)?;
+    Ok(CurveFit { model, report, points, parameters, errors })
+}
+
+/// Whether the points determine the curve in the first space without smoothing.
+fn determines(sequence: &Sequence, space: &HierarchicalSpace<1>) -> Result<bool, Error> {
+    Ok(schoenberg_whitney(space.knots(0, 0)?, &sequence.parameters.to_vec()))
+}
+
+/// The smallest power of ten, times the number of points, with which a fit in the first space stays near its points.
+fn least_lambda(
+    sequence: &Sequence,
+    space: &Arc<HierarchicalSpace<1>>,
+    fitting: &fit_ls::Options<1>,
+) -> Result<f64, Error> {
+    let bounds = BoundingBox::of(sequence.points.view())?;
+    let limit = FAR * bounds.diagonal();
+    let (parameters, points) = (sequence.parameters.view().insert_axis(Axis(1)), sequence.points.view());
+    let mut failure = fit_ls::Error::NoPoints;
+    for exponent in LEAST_EXPONENTS {
+        let lambda = 10.0_f64.powi(exponent) * points.nrows() as f64;
+        let options = fit_ls::Options { lambda: Lambda::Fixed(lambda), ..fitting.clone() };
+        match LeastSquares::new(parameters, points, None, options)?.fit(space) {
+            Ok(map) => {
+                let beyond = |k: usize, c: f64| c < bounds.lower[k] - limit || c > bounds.upper[k] + limit;
+                if !map.coefficients().indexed_iter().any(|((_, k), &c)| beyond(k, c)) {
+                    return Ok(lambda);
+                }
+            }
+            Err(error) => failure = error,
+        }
+    }
+    Err(failure.into())
+}
+
+/// Exponents that are tried; below, the weight is lost in round-off.
+const LEAST_EXPONENTS: std::ops::RangeInclusive<i32> = -15..=-5;
+
+/// Distance, in diagonals of the points, beyond which control points are a sign of an undetermined curve.
+const FAR: f64 = 1.0;
+
+/// The curve `(u, s(u))`: Greville abscissae are the coefficients of the identity.
+fn graph_of(map: &SplineMap<1>) -> Result<SplineMap<1>, Error> {
+    let identity = Array1::from(map.space().knots(0, 0)?.greville()).insert_axis(Axis(1));
+    Ok(SplineMap::new(map.space().clone(), beside(identity.view(), map.coefficients())?)?)
+}
+
+fn fitted_points(sequence: &Sequence, options: &CurveOptions) -> Result<Array2<f64>, Error> {
+    if !options.graph {
+        return Ok(sequence.points.clone());
+    }
+    beside(sequence.parameters.view().insert_axis(Axis(1)), sequence.points.view())
+}
+
+fn beside(first: ArrayView2<'_, f64>, second: ArrayView2<'_, f64>) -> Result<Array2<f64>, Error> {
+    let shape =
+        |_| fit_ls::Error::Shape { what: "rows of coordinates", given: second.nrows(), expected: first.nrows() };
+    Ok(concatenate(Axis(1), &[first, second]).map_err(shape)?)
+}
+
+/// The method with moving parameters that is asked for, if any.
+fn moving_options(options: &CurveOptions, tolerance: f64) -> Option<moving_param::Options> {
+    let alternating = |distance| moving_param::Method::Alternating { distance, corrections: options.corrections };
+    let method = match options.method {
+        Method::APdm => alternating(Distance::Point),
+        Method::ATdm => alternating(Distance::Tangent { damping: options.damping }),
+        Method::AHdm => alternating(Distance::Hybrid(match options.blend {
+            BlendChoice::Constant(gamma) => Blend::Constant(gamma),
+            BlendChoice::Error | BlendChoice::Curvature => Blend::ErrorDriven,
+        })),
+        Method::JPdm => moving_param::Method::JointLbfgs(Schedule::B),
+        Method::Joint => moving_param::Method::Joint(JointOptions::default()),
+        Method::Auto | Method::Ls | Method::Qi | Method::AQi => return None,
+    };
+    Some(moving_param::Options { method, tolerance, ..moving_param::Options::default() })
+}

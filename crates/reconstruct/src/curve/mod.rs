@@ -1,0 +1,39 @@
+//! Curves: B-splines through sequences of points, and through functions given by values.
+//!
+//! [`fit_curve_file`] reads a sequence, [`fit_sequence`] takes an array. Corners and whether the curve is closed are found
+//! or given, parameters laid out, and knots placed: adaptively, by inserting dyadic points into the spans with the largest
+//! errors (Imperatore 2024, §4.1.6 (c)), or a fixed number by averaging.
+//!
+//! ```
+//! use ndarray::Array2;
+//! use reconstruct::{CurveOptions, Tolerance, fit_sequence};
+//!
+//! // A circle of radius 2, sampled at 60 places.
+//! let points = Array2::from_shape_fn((60, 2), |(i, k)| {
+//!     let t = std::f64::consts::TAU * i as f64 / 60.0;
+//!     2.0 * [t.cos(), t.sin()][k]
+//! });
+//! let options = CurveOptions { tol: Tolerance::Absolute(1e-3), ..CurveOptions::default() };
+//! let fit = fit_sequence(points.view(), "circle", &options)?;
+//! assert!(fit.reached() && fit.report.input.closed == "periodic" && fit.report.result.control_points < 20);
+//! # Ok::<(), reconstruct::Error>(())
+//! ```
+
+mod choices;
+mod corners;
+mod fitting;
+mod method;
+mod options;
+mod output;
+mod report;
+mod sequence;
+mod start;
+
+pub use choices::{ClosedChoice, CornerChoice, CurveParameters, Ends, KnotChoice};
+pub use fitting::{CurveFit, fit_curve_file, fit_sequence};
+pub use options::CurveOptions;
+pub use output::{check_curve_outputs, write_curve};
+pub use report::{CurveInput, CurveIteration, CurveReport, CurveResult};
+
+#[cfg(test)]
+mod tests;

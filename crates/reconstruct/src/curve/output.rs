@@ -1,0 +1,40 @@
+//! Curves in files.
+
+use std::path::{Path, PathBuf};
+
+use geom_io::{ModelFormat, SvgOptions, WriteOptions, write_model};
+
+use super::fitting::CurveFit;
+use crate::Error;
+use crate::output::make_parent;
+
+/// Checks, before anything is fitted, that outputs have formats of curves, and differ from the input and from each other.
+///
+/// # Errors
+/// [`Error::CurveFormat`], [`Error::OutputIsInput`], [`Error::OutputTwice`].
+pub fn check_curve_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Path>) -> Result<(), Error> {
+    let unknown = |path: &&PathBuf| ModelFormat::from_path(path).is_none();
+    if let Some(path) = outputs.iter().find(unknown) {
+        return Err(Error::CurveFormat { path: path.clone() });
+    }
+    let all: Vec<&Path> = outputs.iter().map(PathBuf::as_path).chain(report).collect();
+    for (k, &path) in all.iter().enumerate() {
+        if path == input {
+            return Err(Error::OutputIsInput { path: path.to_owned() });
+        }
+        if all[..k].contains(&path) {
+            return Err(Error::OutputTwice { path: path.to_owned() });
+        }
+    }
+    Ok(())
+}
+
+/// Writes a curve by the extension of the file: `.step .stp .xml .json .dxf`, or a picture with points and knots `.svg`.
+///
+/// # Errors
+/// [`Error::Model`], [`Error::Io`].
+pub fn write_curve(path: &Path, fit: &CurveFit) -> Result<(), Error> {
+    make_parent(path)?;
+    let svg = SvgOptions { points: Some(fit.points.clone()), knots: true };
+    Ok(write_model(path, &fit.model, &WriteOptions { svg, ..WriteOptions::default() })?)
+}

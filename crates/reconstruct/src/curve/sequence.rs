@@ -1,0 +1,301 @@
+//! From points in order to points with parameters: closing, corners, parameters.
+
+use geom_io::{ReadError, ReadErrorKind, ReadOptions, Scan, read_scan};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, concatenate};
+use param_classic::parameterize_sequence;
+use param_nn::sequence_parameters;
+
+use super::choices::{ClosedChoice, CornerChoice, CurveParameters, Ends};
+use super::corners::find_corners;
+use super::options::CurveOptions;
+use crate::Error;
+use crate::parameters::extent;
+use std::path::Path;
+
+/// Fewest points of a sequence that is taken to be closed though its last point is not its first one.
+const FEWEST_CLOSED: usize = 8;
+
+/// Distance of the ends of such a sequence, in median steps, up to which it is closed: steps of one length, with noise.
+const ONE_STEP: f64 = 1.5;
+
+/// How a curve ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Closing {
+    /// At two places.
+    Open,
+    /// Nowhere: it goes on smoothly.
+    Periodic,
+    /// At one place, a corner.
+    AtCorner,
+}
+
+impl Closing {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Periodic => "periodic",
+            Self::AtCorner => "at a corner",
+        }
+    }
+}
+
+/// A sequence that is ready to be fitted.
+#[derive(Clone, Debug)]
+pub(super) struct Sequence {
+    /// `(m, N)`; of a graph the values only.
+    pub(super) points: Array2<f64>,
+    /// `(m,)`, non-decreasing unless given.
+    pub(super) parameters: Array1<f64>,
+    /// Lower and upper end of the parameters.
+    pub(super) domain: (f64, f64),
+    pub(super) closing: Closing,
+    /// Whether the first and the last point are kept.
+    pub(super) held: bool,
+    /// Corners inside the domain, as rows of `points`, increasing.
+    pub(super) corners: Vec<usize>,
+    /// All corners as rows of the input.
+    pub(super) corner_rows: Vec<usize>,
+    pub(super) method: &'static str,
+    pub(super) notes: Vec<String>,
+}
+
+/// What a file or a caller gave.
+pub(super) struct Given {
+    pub(super) points: Array2<f64>,
+    pub(super) parameters: Option<Array1<f64>>,
+    pub(super) notes: Vec<String>,
+    pub(super) format: &'static str,
+}
+
+/// Reads a sequence. A table without columns x and y, but of two or three columns, is taken as it stands.
+pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Given, Error> {
+    let scan = match read_scan(path, options) {
+        Err(ReadError { kind: ReadErrorKind::ColumnsNotFound { found, .. }, .. })
+            if options.columns.is_empty() && (2..=3).contains(&found.len()) =>
+        {
+            let columns = (1..=found.len()).map(|k| k.to_string()).collect();
+            let mut scan = read_scan(path, &ReadOptions { columns, ..options.clone() })?;
+            scan.notes.push(format!("columns {} were taken as coordinates, in this order", found.join(", ")));
+            scan
+        }
+        other => other?,
+    };
+    let Scan { cloud, format, notes, .. } = scan;
+    let parameters = cloud.parameters.filter(|p| p.ncols() == 1).map(|p| p.column(0).to_owned());
+    Ok(Given { points: cloud.points, parameters, notes, format: format.name() })
+}
+
+/// Finds closing, corners and parameters.
+pub(super) fn prepare(given: Given, options: &CurveOptions) -> Result<Sequence, Error> {
+    let Given { points, parameters, notes, .. } = given;
+    point_cloud::check_finite(points.view())?;
+    if points.nrows() < 2 {
+        return Err(point_cloud::CloudError::TooFewPoints { given: points.nrows(), required: 2 }.into());
+    }
+    if options.graph {
+        return graph(&points, notes, options);
+    }
+    let wants_given = match options.param {
+        CurveParameters::Auto => parameters.is_some(),
+        other => other == CurveParameters::Given,
+    };
+    if wants_given {
+        let parameters = parameters.ok_or(Error::NoParameters {
+            asked: options.param.to_string(),
+            needed: "a column u",
+            hint: "",
+        })?;
+        return with_given(points, parameters, notes, options);
+    }
+    laid_out(points, notes, options)
+}
+
+/// The first coordinate is the parameter; rows are sorted by it.
+fn graph(points: &Array2<f64>, mut notes: Vec<String>, options: &CurveOptions) -> Result<Sequence, Error> {
+    if points.ncols() < 2 {
+        return Err(Error::GraphColumns { given: points.ncols() });
+    }
+    let x = points.column(0);
+    let mut order: Vec<usize> = (0..x.len()).collect();
+    order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
+    if !order.is_sorted() {
+        notes.push("rows were sorted by x".to_owned());
+    }
+    let sorted = points.select(Axis(0), &order);
+    let parameters = sorted.column(0).to_owned();
+    let domain = domain_of(parameters.view())?;
+    let columns: Vec<usize> = (1..points.ncols()).collect();
+    // A function may have kinks where the user says so; turning depends on the scale of its axes.
+    let corner_rows = match &options.corners {
+        CornerChoice::Rows(rows) => checked(rows, points.nrows())?,
+        CornerChoice::Auto | CornerChoice::None => Vec::new(),
+    };
+    let mut place = vec![0; order.len()];
+    order.iter().enumerate().for_each(|(at, &row)| place[row] = at);
+    let mut corners: Vec<usize> = corner_rows.iter().map(|&row| place[row]).collect();
+    corners.sort_unstable();
+    Ok(Sequence {
+        points: sorted.select(Axis(1), &columns),
+        corners: inner(corners, &parameters, domain),
+        parameters,
+        domain,
+        closing: Closing::Open,
+        held: options.ends == Ends::Held,
+        corner_rows,
+        method: "graph",
+        notes,
+    })
+}
+
+fn with_given(
+    points: Array2<f64>,
+    parameters: Array1<f64>,
+    notes: Vec<String>,
+    options: &CurveOptions,
+) -> Result<Sequence, Error> {
+    let closed = options.closed == ClosedChoice::Yes;
+    let corner_rows = match &options.corners {
+        CornerChoice::Rows(rows) => checked(rows, points.nrows())?,
+        // Parameters of the file need not follow its rows.
+        CornerChoice::Auto | CornerChoice::None => Vec::new(),
+    };
+    let domain = if closed { (0.0, 1.0) } else { domain_of(parameters.view())? };
+    if let Some((index, &value)) = parameters.iter().enumerate().find(|(_, u)| !(domain.0..=domain.1).contains(*u)) {
+        return Err(Error::OutsideUnitSquare { index, direction: 0, value });
+    }
+    if closed && !corner_rows.is_empty() {
+        return Err(Error::ClosedWithCorners);
+    }
+    let mut corners = corner_rows.clone();
+    corners.sort_by(|&a, &b| parameters[a].total_cmp(&parameters[b]));
+    Ok(Sequence {
+        corners: inner(corners, &parameters, domain),
+        points,
+        parameters,
+        domain,
+        closing: if closed { Closing::Periodic } else { Closing::Open },
+        held: !closed && options.ends == Ends::Held,
+        corner_rows,
+        method: "given",
+        notes,
+    })
+}
+
+fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOptions) -> Result<Sequence, Error> {
+    let rows_given = points.nrows();
+    let repeated = points.row(0) == points.row(rows_given - 1);
+    // Values alone have neither length nor direction: they are functions of their number.
+    let are_values = points.ncols() == 1;
+    let closed = match options.closed {
+        ClosedChoice::Yes => true,
+        ClosedChoice::No => false,
+        ClosedChoice::Auto if are_values => false,
+        ClosedChoice::Auto => repeated && rows_given > 3 || ends_meet(points.view()),
+    };
+    if closed && repeated && rows_given > 2 {
+        points.remove_index(Axis(0), rows_given - 1);
+    }
+    let m = points.nrows();
+    let corner_rows = match &options.corners {
+        CornerChoice::Auto if !are_values => find_corners(points.view(), closed),
+        CornerChoice::Auto | CornerChoice::None => Vec::new(),
+        CornerChoice::Rows(rows) => checked(rows, rows_given)?,
+    };
+    let mut corners: Vec<usize> = corner_rows.iter().map(|&row| row % m).collect();
+    corners.sort_unstable();
+    corners.dedup();
+    let closing = match (closed, corners.first()) {
+        (false, _) => Closing::Open,
+        (true, None) => Closing::Periodic,
+        (true, Some(_)) => Closing::AtCorner,
+    };
+    if let (Closing::AtCorner, Some(&first)) = (closing, corners.first()) {
+        // The seam is laid into the first corner, which then stands at both ends.
+        let order: Vec<usize> = (first..m).chain(0..=first).collect();
+        points = points.select(Axis(0), &order);
+        corners.iter_mut().for_each(|corner| *corner -= first);
+        if first > 0 {
+            notes.push(format!("the curve starts at row {first}, a corner"));
+        }
+    }
+    let param = match options.param {
+        CurveParameters::Auto if are_values => CurveParameters::Uniform,
+        CurveParameters::Auto | CurveParameters::Given => CurveParameters::Chord,
+        other => other,
+    };
+    let parameters = parameters_of(points.view(), closing, param)?;
+    let domain = (0.0, 1.0);
+    let held = closing == Closing::AtCorner || closing == Closing::Open && options.ends == Ends::Held;
+    Ok(Sequence {
+        corners: inner(corners, &parameters, domain),
+        points,
+        parameters,
+        domain,
+        closing,
+        held,
+        corner_rows,
+        method: match param {
+            CurveParameters::Centripetal => "centripetal",
+            CurveParameters::Parcnn => "parcnn",
+            CurveParameters::Uniform => "uniform",
+            _ => "chord",
+        },
+        notes,
+    })
+}
+
+/// Parameters in [0, 1]; of a periodic curve they end one step before 1.
+fn parameters_of(points: ArrayView2<'_, f64>, closing: Closing, param: CurveParameters) -> Result<Array1<f64>, Error> {
+    let of = |points: ArrayView2<'_, f64>| -> Result<Array1<f64>, Error> {
+        match param.rule() {
+            Some(rule) => Ok(parameterize_sequence(points, rule)?),
+            None => Ok(sequence_parameters(points, None)?),
+        }
+    };
+    if closing != Closing::Periodic {
+        return of(points);
+    }
+    let first = points.select(Axis(0), &[0]);
+    let round = concatenate(Axis(0), &[points, first.view()]).map_err(|_| fit_ls::Error::Shape {
+        what: "points",
+        given: points.nrows(),
+        expected: points.nrows(),
+    })?;
+    let all = of(round.view())?;
+    Ok(all.select(Axis(0), &(0..points.nrows()).collect::<Vec<_>>()))
+}
+
+/// Whether the last point is as near to the first one as neighbours typically are.
+fn ends_meet(points: ArrayView2<'_, f64>) -> bool {
+    let m = points.nrows();
+    if m < FEWEST_CLOSED {
+        return false;
+    }
+    let distance = |a: usize, b: usize| {
+        let step = &points.row(b) - &points.row(a);
+        step.dot(&step).sqrt()
+    };
+    let mut steps: Vec<f64> = (1..m).map(|i| distance(i - 1, i)).collect();
+    let middle = steps.len() / 2;
+    let median = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    distance(0, m - 1) <= ONE_STEP * median
+}
+
+/// The corners whose parameters lie inside the domain: at its ends there is nothing to do.
+fn inner(mut corners: Vec<usize>, parameters: &Array1<f64>, domain: (f64, f64)) -> Vec<usize> {
+    corners.retain(|&corner| parameters[corner] > domain.0 && parameters[corner] < domain.1);
+    corners.dedup_by(|a, b| parameters[*a] == parameters[*b]);
+    corners
+}
+
+fn checked(rows: &[usize], points: usize) -> Result<Vec<usize>, Error> {
+    match rows.iter().find(|&&row| row >= points) {
+        Some(&row) => Err(Error::NoSuchPoint { option: "--corners", row: row as u64 }),
+        None => Ok(rows.to_vec()),
+    }
+}
+
+fn domain_of(parameters: ArrayView1<'_, f64>) -> Result<(f64, f64), Error> {
+    let (lower, upper) = extent(parameters);
+    if upper > lower { Ok((lower, upper)) } else { Err(Error::FlatDomain { direction: 0, value: lower }) }
+}
