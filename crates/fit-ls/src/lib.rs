@@ -28,12 +28,15 @@
 mod block;
 mod boundary;
 mod cholesky;
+mod cross_validation;
 mod error;
 mod kernel;
 mod lambda;
 mod least_squares;
 mod metrics;
 mod normal;
+mod reweight;
+mod reweighted;
 mod sorted;
 
 pub use block::BlockEquations;
@@ -45,4 +48,6 @@ pub use lambda::{Lambda, automatic_lambda};
 pub use least_squares::{Fixed, LeastSquares, Options, eliminate};
 pub use metrics::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use normal::{NormalEquations, PointBox, box_sums};
+pub use reweight::{Loss, MarkerRules, Markers, PointWeights, Reweighting, Robust, Update, median_scale};
+pub use reweighted::{Reweighted, ReweightingReport};
 pub use sorted::SortedPoints;
