@@ -109,6 +109,19 @@ impl<const D: usize> Reweighted<D> {
         unreachable!("the rounds above do not end otherwise")
     }
 
+    /// Takes the errors of a map, such as one that the loop kept when a later space failed.
+    ///
+    /// # Errors
+    /// [`Error::Parameter`].
+    pub fn measure(&mut self, map: &SplineMap<D>) -> Result<(), Error> {
+        let distances = self.solver.distances(map)?.to_vec();
+        self.errors.resize(distances.len(), 0.0);
+        for (&index, distance) in self.solver.points().order().iter().zip(distances) {
+            self.errors[index as usize] = distance;
+        }
+        Ok(())
+    }
+
     /// The fit under the weights.
     pub fn least_squares(&self) -> &LeastSquares<D> {
         &self.solver
@@ -208,7 +221,7 @@ impl<const D: usize> Solve<D> for Reweighted<D> {
 
     /// Errors of the points that count.
     fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, Error> {
-        let distances = self.solver.distances(map)?.to_vec();
+        self.measure(map)?;
         let points = self.solver.points();
         let counted = self.weights.counted();
         let (offsets, errors) = &mut self.estimate;
@@ -216,8 +229,8 @@ impl<const D: usize> Solve<D> for Reweighted<D> {
         errors.clear();
         offsets.push(0);
         for ends in points.offsets().windows(2) {
-            let cell = (ends[0]..ends[1]).filter(|&at| counted[points.order()[at] as usize]);
-            errors.extend(cell.map(|at| distances[at]));
+            let cell = points.order()[ends[0]..ends[1]].iter().map(|&i| i as usize);
+            errors.extend(cell.filter(|&i| counted[i]).map(|i| self.errors[i]));
             offsets.push(errors.len());
         }
         Ok(Estimate { offsets, errors })

@@ -102,8 +102,7 @@ impl Contaminated {
 
     /// Fits adaptively and returns the error at clean points, and the fit.
     fn fit(&self, points: &Array2<f64>, rules: &Reweighting, tolerance: f64) -> (f64, usize, Reweighted<2>) {
-        let mut method =
-            Reweighted::<2>::new(self.parameters.view(), points.view(), None, fixed(1e-6), rules).unwrap();
+        let mut method = Reweighted::<2>::new(self.parameters.view(), points.view(), None, fixed(1e-6), rules).unwrap();
         let options = adaptive::Options {
             tolerance,
             refinement: Refinement { extension: [2; 2], max_levels: 5, ..Refinement::default() },
@@ -133,11 +132,17 @@ fn a_fifth_of_gross_outliers_hardly_matters() {
         for loss in [Loss::Huber, Loss::Tukey, Loss::GemanMcClure, Loss::Power(1.2)] {
             let (error, robust_dofs, method) =
                 data.fit(&data.points, &robust(Robust::adaptive::<2>(loss, tolerance)), tolerance);
-            println!("{noise} {one_sided} {loss:?}: clean {clean:e} {dofs}, robust {error:e} {robust_dofs}, plain {plain:e}");
+            println!(
+                "{noise} {one_sided} {loss:?}: clean {clean:e} {dofs}, robust {error:e} {robust_dofs}, plain {plain:e}"
+            );
             let gross = method.weights().gross();
             let missed = (0..4000).filter(|&i| data.outliers[i] && !gross[i]).count();
             let wrong = (0..4000).filter(|&i| !data.outliers[i] && gross[i]).count();
-            println!("   missed {missed} wrong {wrong} scale {:?} rounds {}", method.weights().scale(), method.report().unwrap().rounds);
+            println!(
+                "   missed {missed} wrong {wrong} scale {:?} rounds {}",
+                method.weights().scale(),
+                method.report().unwrap().rounds
+            );
             assert!(error < 1.5 * clean, "{loss:?}: {error:e} beside {clean:e}");
         }
     }
