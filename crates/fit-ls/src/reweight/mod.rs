@@ -175,14 +175,14 @@ impl PointWeights {
             return Err(Error::Shape { what: "rows of residuals", given: column.len(), expected: m });
         }
         let deviations = match &self.neighbourhoods {
-            Some(neighbourhoods) => neighbourhoods.deviations(residuals),
+            Some(neighbourhoods) => neighbourhoods.deviations(residuals, &self.gross),
             None => lengths(residuals, m),
         };
         let speaking = self.speaking();
         let mut heard: Vec<f64> = (0..m).filter(|&i| speaking[i]).map(|i| deviations[i]).collect();
         // Where most residuals vanish any scale is as good as another.
         let scale = median_scale(&mut heard).max(rule.least_scale).max(f64::MIN_POSITIVE);
-        let local = self.neighbourhoods.as_ref().map(|n| n.scales(&deviations));
+        let local = self.neighbourhoods.as_ref().map(|n| n.scales(&deviations, &self.gross));
         let mut settled = true;
         for i in 0..m {
             let u = deviations[i] / local.as_ref().map_or(scale, |local| scale.max(local[i]));

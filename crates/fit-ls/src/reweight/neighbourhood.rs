@@ -17,6 +17,9 @@ pub(super) struct Neighbourhoods {
     indices: Vec<u32>,
 }
 
+/// One neighbour in so many must remain for the others to be left out.
+const FEWEST: usize = 5;
+
 /// Points of one parallel task.
 const CHUNK: usize = 1 << 12;
 
@@ -48,20 +51,27 @@ impl Neighbourhoods {
         Ok(Self { count, indices })
     }
 
-    fn of(&self, i: usize) -> &[u32] {
-        &self.indices[i * self.count..(i + 1) * self.count]
+    /// The neighbours of a point that are not left out; all of them where few would remain.
+    fn of<'a>(&'a self, i: usize, left_out: &'a [bool]) -> impl Iterator<Item = usize> + Clone + 'a {
+        let all = &self.indices[i * self.count..(i + 1) * self.count];
+        let remaining = all.iter().filter(|&&j| !left_out[j as usize]).count();
+        let every = FEWEST * remaining < self.count;
+        all.iter().map(|&j| j as usize).filter(move |&j| every || !left_out[j])
     }
 
     /// How far the residual of each point lies from the median, coordinate by coordinate, of its neighbours' residuals.
     ///
     /// `residuals` holds one array per coordinate. Where a space is too coarse for the shape the residuals of neighbours
     /// agree, however large they are; an outlier's does not.
-    pub(super) fn deviations(&self, residuals: &[Vec<f64>]) -> Vec<f64> {
+    ///
+    /// Neighbours that are left out, because they deviate themselves, have no say: where outliers lie close together they are
+    /// found from the edge of the cluster inwards.
+    pub(super) fn deviations(&self, residuals: &[Vec<f64>], left_out: &[bool]) -> Vec<f64> {
         let points = residuals.first().map_or(0, Vec::len);
         let deviation = |values: &mut Vec<f64>, i: usize| {
             let squares = residuals.iter().map(|column| {
                 values.clear();
-                values.extend(self.of(i).iter().map(|&j| column[j as usize]));
+                values.extend(self.of(i, left_out).map(|j| column[j]));
                 (column[i] - median(values)).powi(2)
             });
             squares.sum::<f64>().sqrt()
@@ -70,10 +80,10 @@ impl Neighbourhoods {
     }
 
     /// The scale of the neighbours' deviations: large where residuals vary for want of resolution.
-    pub(super) fn scales(&self, deviations: &[f64]) -> Vec<f64> {
+    pub(super) fn scales(&self, deviations: &[f64], left_out: &[bool]) -> Vec<f64> {
         let scale = |values: &mut Vec<f64>, i: usize| {
             values.clear();
-            values.extend(self.of(i).iter().map(|&j| deviations[j as usize]));
+            values.extend(self.of(i, left_out).map(|j| deviations[j]));
             median_scale(values)
         };
         (0..deviations.len()).into_par_iter().with_min_len(CHUNK).map_init(Vec::new, scale).collect()
@@ -101,8 +111,8 @@ mod tests {
         let outlier = |i: usize| i % 5 == 2;
         let residuals = vec![(0..m).map(|i| smooth(i) + if outlier(i) { 5.0 } else { 0.0 }).collect::<Vec<_>>()];
         let neighbourhoods = Neighbourhoods::new::<2>(parameters.view(), &vec![true; m], 20).unwrap();
-        let deviations = neighbourhoods.deviations(&residuals);
-        let scales = neighbourhoods.scales(&deviations);
+        let deviations = neighbourhoods.deviations(&residuals, &vec![false; m]);
+        let scales = neighbourhoods.scales(&deviations, &vec![false; m]);
         for i in 0..m {
             assert_eq!(deviations[i] > 4.685 * scales[i].max(0.1), outlier(i), "{i}: {} {}", deviations[i], scales[i]);
         }
@@ -113,10 +123,10 @@ mod tests {
         let parameters = Array2::from_shape_fn((10, 1), |(i, _)| i as f64);
         let speaks: Vec<bool> = (0..10).map(|i| i != 4).collect();
         let neighbourhoods = Neighbourhoods::new::<1>(parameters.view(), &speaks, 2).unwrap();
-        assert_eq!(neighbourhoods.of(5), [6, 3]);
-        assert_eq!(neighbourhoods.of(4), [3, 5]);
+        let of = |i| neighbourhoods.of(i, &[false; 10]).collect::<Vec<_>>();
+        assert_eq!((of(5), of(4)), (vec![6, 3], vec![3, 5]));
         let none = Neighbourhoods::new::<1>(parameters.view(), &[false; 10], 2).unwrap();
-        assert_eq!(none.deviations(&[vec![1.0; 10]]), [1.0; 10]);
-        assert_eq!(none.scales(&[1.0; 10]), [0.0; 10]);
+        assert_eq!(none.deviations(&[vec![1.0; 10]], &[false; 10]), [1.0; 10]);
+        assert_eq!(none.scales(&[1.0; 10], &[false; 10]), [0.0; 10]);
     }
 }
