@@ -8,9 +8,10 @@ use std::sync::Arc;
 use adaptive::{Iteration, Outcome, run};
 use common::Random;
 use fit_ls::{
-    Lambda, LeastSquares, Loss, MarkerRules, Markers, Options, Reweighted, Reweighting, Robust, Update, median_scale,
+    Detection, Error, Lambda, LeastSquares, Loss, MarkerRules, Markers, Options, PointWeights, Reweighted, Reweighting,
+    Robust, Update, detect_markers,
 };
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, Axis};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 fn fixed<const D: usize>(lambda: f64) -> Options<D> {
@@ -132,18 +133,161 @@ fn a_fifth_of_gross_outliers_hardly_matters() {
         for loss in [Loss::Huber, Loss::Tukey, Loss::GemanMcClure, Loss::Power(1.2)] {
             let (error, robust_dofs, method) =
                 data.fit(&data.points, &robust(Robust::adaptive::<2>(loss, tolerance)), tolerance);
-            println!(
-                "{noise} {one_sided} {loss:?}: clean {clean:e} {dofs}, robust {error:e} {robust_dofs}, plain {plain:e}"
-            );
             let gross = method.weights().gross();
             let missed = (0..4000).filter(|&i| data.outliers[i] && !gross[i]).count();
             let wrong = (0..4000).filter(|&i| !data.outliers[i] && gross[i]).count();
-            println!(
-                "   missed {missed} wrong {wrong} scale {:?} rounds {}",
-                method.weights().scale(),
-                method.report().unwrap().rounds
-            );
+            assert!(missed <= 10 && wrong <= 10, "{loss:?}: {missed} missed, {wrong} clean points set aside");
+            assert!(robust_dofs < 2 * dofs, "{loss:?}: outliers drive refinement, {robust_dofs} beside {dofs}");
             assert!(error < 1.5 * clean, "{loss:?}: {error:e} beside {clean:e}");
         }
     }
+}
+
+#[test]
+fn a_weight_of_two_is_a_point_given_twice_and_one_of_zero_is_none() {
+    let space = uniform::<2>(2, 5);
+    let mut random = Random::new(8);
+    let (parameters, points) = (random.array(400, 2), random.array(400, 2));
+    let weights = Array1::from_shape_fn(400, |i| (i % 3) as f64);
+    let repeated: Vec<usize> = (0..400).flat_map(|i| std::iter::repeat_n(i, i % 3)).collect();
+    let (u, p) = (parameters.select(Axis(0), &repeated), points.select(Axis(0), &repeated));
+    let nothing = Reweighting::default();
+    let confidence = Some(weights.view());
+    let mut weighted = Reweighted::new(parameters.view(), points.view(), confidence, fixed(1e-6), &nothing).unwrap();
+    let a = weighted.fit(&space, 1).unwrap();
+    let b = LeastSquares::new(u.view(), p.view(), None, fixed(1e-6)).unwrap().fit(&space).unwrap();
+    assert!(common::largest_difference(&a.coefficients().to_owned(), &b.coefficients().to_owned()) < 1e-9);
+    let counted = weighted.weights().counted();
+    assert!((0..400).all(|i| counted[i] == (i % 3 > 0)));
+}
+
+/// Points of a narrow peak on [0, 1], denser there, and three of them as markers.
+fn peak() -> (Array2<f64>, Array2<f64>, Vec<usize>) {
+    let parameters = Array2::from_shape_fn((88, 1), |(i, _)| 0.5 + 4.0 * (i as f64 / 87.0 - 0.5).powi(3));
+    let points = parameters.mapv(|u| (-((u - 0.5) / 0.06).powi(2)).exp());
+    (parameters, points, vec![33, 43, 54])
+}
+
+#[test]
+fn markers_are_met_by_algorithm_1_and_least_squares_misses_them() {
+    let (parameters, points, met) = peak();
+    let space = uniform::<1>(3, 12);
+    let error = |map: &SplineMap<1>, i: usize| (map.eval([parameters[[i, 0]]]).unwrap()[0] - points[[i, 0]]).abs();
+    let plain = LeastSquares::new(parameters.view(), points.view(), None, fixed(1e-9)).unwrap().fit(&space).unwrap();
+    let tolerance = 1e-3;
+    assert!(met.iter().all(|&i| error(&plain, i) > 4.0 * tolerance));
+    for update in [Update::ErrorDriven { unit: 1.0 }, Update::ErrorDriven { unit: tolerance }, Update::Constant(1.25)] {
+        let rules = MarkerRules { update, ..MarkerRules::algorithm_1(tolerance, 1.0) };
+        let markers = Markers { met: met.clone(), ignored: vec![] };
+        let reweighting = Reweighting { markers: Some((markers, rules)), ..Reweighting::default() };
+        let mut fit = Reweighted::<1>::new(parameters.view(), points.view(), None, fixed(1e-9), &reweighting).unwrap();
+        let map = fit.fit(&space, 20_000).unwrap();
+        let report = fit.report().unwrap();
+        assert!(report.settled && report.met == [3, 3], "{update:?}: {report:?}");
+        assert!(met.iter().all(|&i| error(&map, i) < tolerance));
+        assert!(fit.errors().iter().enumerate().all(|(i, &e)| (e - error(&map, i)).abs() < 1e-12));
+    }
+}
+
+#[test]
+fn a_corrupted_patch_is_ignored_by_markers_of_type_2() {
+    let data = Contaminated::new(4000, 0.0, 0.0, false);
+    let mut points = data.clean.clone();
+    let (u, tolerance) = (&data.parameters, 0.01);
+    let patch: Vec<usize> = (0..4000).filter(|&i| (u[[i, 0]] - 0.55).hypot(u[[i, 1]] - 0.6) < 0.12).collect();
+    let mut random = Random::new(2);
+    for &i in &patch {
+        (0..3).for_each(|k| points[[i, k]] += 0.4 * (random.next() - 0.5));
+    }
+    let (_, dofs, _) = data.fit(&data.clean, &Reweighting::default(), tolerance);
+    let (plain, plain_dofs, _) = data.fit(&points, &Reweighting::default(), tolerance);
+    let markers = Markers { met: vec![], ignored: patch.clone() };
+    let reweighting =
+        Reweighting { markers: Some((markers, MarkerRules::new(tolerance, tolerance))), ..Reweighting::default() };
+    let (error, marked_dofs, method) = data.fit(&points, &reweighting, tolerance);
+    // The error to the clean points counts the patch too, where the surface knows its surroundings only.
+    assert!(error < 0.01 && plain > 0.015, "{error:e} beside {plain:e}");
+    assert!(marked_dofs <= dofs + 40 && plain_dofs > 2 * dofs, "{marked_dofs}, {dofs}, {plain_dofs}");
+    assert_eq!(method.report().unwrap().ignored, [patch.len(), patch.len()]);
+    assert_eq!(method.weights().counted().iter().filter(|&&counts| counts).count(), 4000 - patch.len());
+}
+
+#[test]
+fn results_do_not_depend_on_threads() {
+    let data = Contaminated::new(1500, 0.002, 0.2, true);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let rules = robust(Robust::adaptive::<2>(Loss::Tukey, 0.01));
+            let options = Options { lambda: Lambda::CrossValidation, ..Options::default() };
+            let mut fit =
+                Reweighted::<2>::new(data.parameters.view(), data.points.view(), None, options, &rules).unwrap();
+            fit.fit(&uniform(3, 8), 20).unwrap().coefficients().to_owned()
+        })
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn outliers_have_no_say_in_an_automatic_smoothing_weight() {
+    let data = Contaminated::new(3000, 0.005, 0.2, true);
+    let space = uniform::<2>(3, 16);
+    for lambda in [Lambda::Auto { tolerance: 0.02 }, Lambda::CrossValidation, Lambda::Discrepancy { noise: 0.006 }] {
+        let options = Options { lambda, ..Options::default() };
+        let of = |points: &Array2<f64>, rules: &Reweighting| {
+            let mut fit =
+                Reweighted::<2>::new(data.parameters.view(), points.view(), None, options.clone(), rules).unwrap();
+            fit.fit(&space, 20).unwrap();
+            fit.least_squares().lambda().unwrap()
+        };
+        let clean = of(&data.clean, &Reweighting::default());
+        let rule = robust(Robust::adaptive::<2>(Loss::Tukey, 0.02));
+        let (found, plain) = (of(&data.points, &rule), of(&data.points, &Reweighting::default()));
+        let off = |lambda: f64| (lambda / clean).log10().abs();
+        // The automatic rule judges by powers of ten of the total weight, which the outliers have left.
+        assert!(off(found) <= 1.1, "{lambda:?}: {found:e} beside {clean:e} of clean points, {plain:e} of all");
+        let by_chance = matches!(lambda, Lambda::Auto { .. });
+        assert!(
+            by_chance || off(plain) > off(found),
+            "{lambda:?}: {found:e} beside {clean:e} of clean points, {plain:e} of all"
+        );
+    }
+}
+
+#[test]
+fn features_and_outliers_are_told_apart() {
+    let data = Contaminated::new(4000, 0.0, 0.1, false);
+    let detection = Detection { threshold: 0.004, standing_out: true, outliers: true };
+    let (u, p) = (data.parameters.view(), data.points.view());
+    let markers = detect_markers(u, p, None, &uniform::<2>(3, 15), fixed(1e-7), detection).unwrap();
+    markers.check(4000).unwrap();
+    let found = markers.ignored.iter().filter(|&&i| data.outliers[i]).count();
+    let outliers = data.outliers.iter().filter(|&&o| o).count();
+    let wrong = markers.ignored.len() - found;
+    assert!(found as f64 > 0.98 * outliers as f64 && wrong < 20, "{found} of {outliers}, {wrong} of clean points");
+    // The crease runs along u = 0.3.
+    let near = markers.met.iter().filter(|&&i| (data.parameters[[i, 0]] - 0.3).abs() < 0.1).count();
+    assert!(markers.met.len() > 50 && near as f64 > 0.9 * markers.met.len() as f64, "{near} of {}", markers.met.len());
+}
+
+#[test]
+fn wrong_rules_are_refused() {
+    let parameters = Array2::from_shape_fn((5, 1), |(i, _)| i as f64 / 4.0);
+    let make = |reweighting: Reweighting, confidence: Option<&Array1<f64>>| {
+        let confidence = confidence.map(|w| w.view());
+        PointWeights::new::<1>(parameters.view(), confidence, &reweighting).map(|_| ()).unwrap_err()
+    };
+    assert_eq!(make(robust(Robust::plain(Loss::Power(1.0))), None), Error::Exponent { value: 1.0 });
+    let scale = Robust { least_scale: -1.0, ..Robust::plain(Loss::Huber) };
+    assert_eq!(make(robust(scale), None), Error::Scale { value: -1.0 });
+    let markers = |met: Vec<usize>| Reweighting {
+        markers: Some((Markers { met, ignored: vec![2] }, MarkerRules::new(0.1, 0.1))),
+        ..Reweighting::default()
+    };
+    assert_eq!(make(markers(vec![7]), None), Error::Marker { index: 7, points: 5 });
+    assert_eq!(make(markers(vec![2]), None), Error::MarkedTwice { index: 2 });
+    let negative = Array1::from(vec![1.0, 1.0, -0.5, 1.0, 1.0]);
+    assert_eq!(make(Reweighting::default(), Some(&negative)), Error::Weight { index: 2, value: -0.5 });
+    let short = Array1::from(vec![1.0]);
+    assert!(matches!(make(Reweighting::default(), Some(&short)), Error::Shape { given: 1, expected: 5, .. }));
 }
