@@ -246,6 +246,15 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Figure 3.7, gross outliers, corrupted patches, and the rules for the smoothing weight.
+    Rwls {
+        /// A folder with `thesis/nefertiti_up.xml` and `nefertiti_head_8933.obj`; without it only generated clouds are fitted.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The file to write, docs/results/rwls.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
     Classical {
         /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
@@ -281,6 +290,10 @@ fn main() -> Result<()> {
                     let missing =
                         data.is_none().then_some("tables of measured clouds need --data DIR and were left out");
                     ("qi", out, missing, tables::qi::document(data.as_deref())?)
+                }
+                Tables::Rwls { data, out } => {
+                    let missing = data.is_none().then_some("measured clouds need --data DIR and were left out");
+                    ("rwls", out, missing, tables::rwls::document(data.as_deref())?)
                 }
                 Tables::Classical { data, out } => {
                     let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
