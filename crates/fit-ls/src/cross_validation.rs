@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use ndarray::{Array2, ArrayView1};
+use ndarray::{Array2, ArrayView1, Axis};
 use thb_core::{HierarchicalSpace, SplineMap, SymmetricMatrix};
 
 use crate::cholesky::Cholesky;
@@ -25,12 +25,15 @@ const SEED: u64 = 0x5EED_0F_4C5;
 /// the finest functions; above, only polynomials that have no energy are left.
 const EXPONENTS: (f64, f64) = (-6.0, 9.0);
 
-/// First steps of the search, in powers of ten: with nothing known, and around the weight of a coarser space.
-const STEPS: (f64, f64) = (2.5, 1.0);
+/// Steps over all weights, in powers of ten, with nothing known: scores may have several minima.
+const SCAN: f64 = 2.5;
 
-/// The search ends at steps of this many powers of ten; the last one is placed by a parabola. Errors of a fit hardly change
-/// over half a power of ten near their minimum.
-const LAST_STEP: f64 = 0.4;
+/// Steps around the weight of a coarser space. The minimum is placed by a parabola through three of them: errors of a fit
+/// hardly change over half a power of ten around theirs.
+const STEP: f64 = 1.0;
+
+/// Precision of the discrepancy, in powers of ten.
+const PRECISION: f64 = 0.1;
 
 /// Squared residuals below this share of the squared points cannot be told from moments, which cancel.
 const CANCELLATION: f64 = 1e-8;
@@ -44,38 +47,30 @@ pub(crate) fn by_cross_validation<const D: usize>(path: &mut Path<'_, D>, guess:
         // A space that can interpolate leaves nothing to judge by.
         Ok(if free > 0.5 { trial.squares / (free * free) } else { f64::INFINITY })
     };
-    let step = if guess.is_some() { STEPS.1 } else { STEPS.0 };
     let mut known: Vec<(f64, f64)> = Vec::new();
-    let start = match guess {
+    let mut best = match guess {
         Some(lambda) => path.exponent(lambda),
         None => {
-            // Scores may have several minima: look everywhere once.
-            let count = ((EXPONENTS.1 - EXPONENTS.0) / step) as usize;
+            let count = ((EXPONENTS.1 - EXPONENTS.0) / SCAN) as usize;
             for k in 0..=count {
-                let at = EXPONENTS.0 + step * k as f64;
+                let at = EXPONENTS.0 + SCAN * k as f64;
                 known.push((at, score(at, path)?));
             }
             lowest(&known)
         }
     };
-    let mut step = step;
-    let mut best = start;
     loop {
-        for side in [-step, 0.0, step] {
+        for side in [-STEP, 0.0, STEP] {
             let at = (best + side).clamp(EXPONENTS.0, EXPONENTS.1);
-            if known.iter().all(|&(other, _)| (other - at).abs() > 0.1 * step) {
+            if known.iter().all(|&(other, _)| (other - at).abs() > 0.1 * STEP) {
                 known.push((at, score(at, path)?));
             }
         }
         let lower = lowest(&known);
-        let moved = (lower - best).abs() > 0.1 * step;
-        best = lower;
-        if !moved {
-            if step <= LAST_STEP {
-                break;
-            }
-            step = (0.4 * step).max(LAST_STEP);
+        if lower == best {
+            break;
         }
+        best = lower;
     }
     known.sort_by(|a, b| a.0.total_cmp(&b.0));
     tracing::debug!(scores = ?known, "cross-validation");
@@ -94,7 +89,7 @@ pub(crate) fn by_discrepancy<const D: usize>(path: &mut Path<'_, D>, noise: f64)
     if meets(high, path)? {
         return Ok(path.lambda(high));
     }
-    while high - low > 0.25 * LAST_STEP {
+    while high - low > PRECISION {
         let middle = 0.5 * (low + high);
         if meets(middle, path)? { low = middle } else { high = middle }
     }
@@ -175,6 +170,13 @@ impl<'a, const D: usize> Path<'a, D> {
             solver,
             equations,
         })
+    }
+
+    /// The equations of the points alone.
+    pub(crate) fn into_equations(self) -> NormalEquations {
+        let NormalEquations { matrix, right } = self.equations;
+        let (own, _) = right.view().split_at(Axis(1), self.points.dim());
+        NormalEquations { matrix, right: own.to_owned() }
     }
 
     fn lambda(&self, exponent: f64) -> f64 {

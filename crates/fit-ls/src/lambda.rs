@@ -247,7 +247,16 @@ fn comparison_space<const D: usize>(
     Ok(HierarchicalSpace::new(Kind::Thb, std::array::from_fn(|d| knots[d].clone()))?)
 }
 
-fn subset<const D: usize>(points: &SortedPoints<D>, chosen: &[usize]) -> Result<SortedPoints<D>, Error> {
+/// A uniform space of about so many functions, with the degree and domain of another; open in all directions.
+pub(crate) fn uniform_space<const D: usize>(
+    like: &HierarchicalSpace<D>,
+    functions: usize,
+) -> Result<HierarchicalSpace<D>, Error> {
+    comparison_space(like.degree(), &like.domain(), POINTS_PER_FUNCTION * functions)
+}
+
+/// Some of the points, by their places.
+pub(crate) fn subset<const D: usize>(points: &SortedPoints<D>, chosen: &[usize]) -> Result<SortedPoints<D>, Error> {
     let parameters = Array2::from_shape_fn((chosen.len(), D), |(i, d)| points.parameters[d][chosen[i]]);
     let targets = Array2::from_shape_fn((chosen.len(), points.dim()), |(i, k)| points.points[k][chosen[i]]);
     let weights = points.weights.as_ref().map(|w| Array1::from_iter(chosen.iter().map(|&i| w[i])));

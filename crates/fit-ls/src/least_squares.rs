@@ -9,10 +9,20 @@ use thb_core::{CellSpace, HierarchicalSpace, Quadrature, SplineMap, SymmetricMat
 
 use crate::cholesky::{Cholesky, FactorizationError};
 use crate::cross_validation::{Path, by_cross_validation, by_discrepancy};
+use crate::lambda::{subset, uniform_space};
 use crate::{Error, Lambda, NormalEquations, SortedPoints};
 
 /// Number of functions without data that an error names.
 const NAMED: usize = 5;
+
+/// Functions up to which cross-validation looks at all smoothing weights.
+const FEW: usize = 500;
+
+/// Functions for each one of the space in which it looks at all of them otherwise.
+const COARSER: usize = 6;
+
+/// Points for each function of that space by which the weight is guessed.
+const GUESSED_BY: usize = 12;
 
 /// How to fit.
 #[derive(Clone, Debug)]
@@ -93,12 +103,23 @@ impl<const D: usize> LeastSquares<D> {
 
     /// The smoothing weight for a space, as the options say, by the points with their present weights.
     pub(crate) fn choose_lambda(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<f64, Error> {
-        let chosen = match (self.options.lambda, self.lambda) {
-            (Lambda::Fixed(lambda), _) | (Lambda::Auto { .. }, Some(lambda)) => return Ok(lambda),
+        self.choose_and_reduce(space).map(|(lambda, _)| lambda)
+    }
+
+    /// As [`LeastSquares::choose_lambda`], with the equations of the points where the choice has formed them.
+    fn choose_and_reduce(
+        &mut self,
+        space: &Arc<HierarchicalSpace<D>>,
+    ) -> Result<(f64, Option<NormalEquations>), Error> {
+        let (chosen, reduced) = match (self.options.lambda, self.lambda) {
+            (Lambda::Fixed(lambda), _) | (Lambda::Auto { .. }, Some(lambda)) => (lambda, None),
             (Lambda::Auto { tolerance }, None) => {
-                crate::automatic_lambda(&self.points, space, &self.options, tolerance)?
+                (crate::automatic_lambda(&self.points, space, &self.options, tolerance)?, None)
             }
-            (choice @ (Lambda::CrossValidation | Lambda::Discrepancy { .. }), guess) => {
+            (choice @ (Lambda::CrossValidation | Lambda::Discrepancy { .. }), mut guess) => {
+                if guess.is_none() && choice == Lambda::CrossValidation && space.n_functions() > FEW {
+                    guess = Some(self.guess_lambda(space)?);
+                }
                 self.sort(space)?;
                 let energy = self.energy(space)?;
                 let mut solver = self.solver_for(&energy)?;
@@ -108,12 +129,24 @@ impl<const D: usize> LeastSquares<D> {
                     Lambda::Discrepancy { noise } => by_discrepancy(&mut path, noise)?,
                     _ => by_cross_validation(&mut path, guess)?,
                 };
+                let reduced = path.into_equations();
                 self.solver = Some(solver);
-                chosen
+                (chosen, Some(reduced))
             }
         };
         self.lambda = Some(chosen);
-        Ok(chosen)
+        Ok((chosen, reduced))
+    }
+
+    /// The weight that cross-validation chooses in a coarse uniform space: there, looking at all weights costs little.
+    fn guess_lambda(&self, space: &Arc<HierarchicalSpace<D>>) -> Result<f64, Error> {
+        let functions = space.n_functions() / COARSER;
+        let coarse = Arc::new(uniform_space(space, functions)?);
+        let step = (self.points.len() / (GUESSED_BY * functions)).max(1);
+        let some: Vec<usize> = (0..self.points.len()).step_by(step).collect();
+        let mut method = Self::of(subset(&self.points, &some)?, self.options.clone())?;
+        // The same noise at fewer points needs as much smoothing for each of them.
+        Ok(method.choose_lambda(&coarse)? * step as f64)
     }
 
     /// The solver of the space before if it has the pattern of a matrix, or a new one.
@@ -208,13 +241,16 @@ impl<const D: usize> LeastSquares<D> {
     fn solve_timed(&mut self, space: &Arc<HierarchicalSpace<D>>, fixed: &Fixed) -> Result<Solution<D>, Error> {
         let start = Instant::now();
         self.sort(space)?;
-        let lambda = match self.held {
-            Some(lambda) => lambda,
-            None => self.choose_lambda(space)?,
+        let (lambda, reduced) = match self.held {
+            Some(lambda) => (lambda, None),
+            None => self.choose_and_reduce(space)?,
         };
         let energy = self.energy(space)?;
         let pattern = energy.pattern().clone();
-        let equations = NormalEquations::new(space.as_ref(), &pattern, &self.points)?;
+        let equations = match reduced {
+            Some(equations) => equations,
+            None => NormalEquations::new(space.as_ref(), &pattern, &self.points)?,
+        };
         let assembled = start.elapsed().as_secs_f64();
         let solving = Instant::now();
         let solver = self.solver_for(&energy)?;

@@ -7,6 +7,7 @@ use ndarray::{ArrayView1, ArrayView2};
 use rayon::prelude::*;
 use thb_core::{HierarchicalSpace, SplineMap};
 
+use crate::lambda::uniform_space;
 use crate::least_squares::LeastSquares;
 use crate::reweight::{PointWeights, Reweighting, lengths};
 use crate::{Error, Options, SortedPoints};
@@ -16,8 +17,15 @@ use crate::{Error, Options, SortedPoints};
 const ROUNDS: usize = 6;
 
 /// The provisional smoothing weight for a first look at outliers, before one is chosen without them, as a share of the
-/// total weight of the points. The first space is coarse and needs hardly any.
-const PROVISIONAL: f64 = 1e-7;
+/// total weight of the points: hardly any, so that it flattens no feature.
+const PROVISIONAL: f64 = 1e-9;
+
+/// Points per function of the space of the first look. In a coarse space, the tips of sharp features are taken for outliers,
+/// and a smoothing weight that is chosen without them flattens all others.
+const LOOKED_AT: usize = 8;
+
+/// Most functions of that space.
+const LOOK: usize = 2500;
 
 /// What came of the weights.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -175,13 +183,18 @@ impl<const D: usize> Reweighted<D> {
 
     /// Has an automatic smoothing weight chosen by the points that count, once the first outliers are known.
     fn choose_lambda(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<(), Error> {
-        if !self.solver.chooses_lambda() {
+        if !self.weights.is_robust() || !self.solver.chooses_lambda() {
             return Ok(());
         }
-        let provisional = PROVISIONAL * self.solver.points().total_weight();
+        let points = self.solver.points();
+        let provisional = PROVISIONAL * points.total_weight();
+        let looked_in = match self.solver.lambda() {
+            None => Arc::new(uniform_space(space, (points.len() / LOOKED_AT).min(LOOK))?),
+            Some(_) => space.clone(),
+        };
         self.solver.hold_lambda(Some(self.solver.lambda().unwrap_or(provisional)));
         for _ in 0..ROUNDS {
-            if self.round(space)?.1 {
+            if self.round(&looked_in)?.1 {
                 break;
             }
         }

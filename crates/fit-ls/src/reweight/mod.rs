@@ -153,6 +153,11 @@ impl PointWeights {
         &self.gross
     }
 
+    /// Whether a loss weighs the points.
+    pub(crate) fn is_robust(&self) -> bool {
+        self.rule.is_some()
+    }
+
     /// The scale of the residuals, once it is known: their typical size in units of the points, as a standard deviation.
     pub fn scale(&self) -> Option<f64> {
         self.scale
@@ -187,6 +192,8 @@ impl PointWeights {
         for i in 0..m {
             let u = deviations[i] / local.as_ref().map_or(scale, |local| scale.max(local[i]));
             self.gross[i] = u > GROSS;
+            // Errors below the least scale need not be told apart.
+            let u = u.max(rule.least_scale / scale);
             let weight = if rule.reject && self.gross[i] { 0.0 } else { rule.loss.weight(u) };
             settled &= (weight - self.robust[i]).abs() <= SETTLED * weight.max(1.0);
             self.robust[i] = weight;
