@@ -28,9 +28,9 @@ const EXPONENTS: (f64, f64) = (-6.0, 9.0);
 /// Steps over all weights, in powers of ten, with nothing known: scores may have several minima.
 const SCAN: f64 = 2.5;
 
-/// Steps around the weight of a coarser space. The minimum is placed by a parabola through three of them: errors of a fit
-/// hardly change over half a power of ten around theirs.
-const STEP: f64 = 1.0;
+/// Steps around the weight of a coarser space, one after the other. A parabola through the last three places the minimum:
+/// scores rise more steeply on the side of too much smoothing, which misleads one through distant weights.
+const STEPS: [f64; 2] = [1.0, 0.4];
 
 /// Precision of the discrepancy, in powers of ten.
 const PRECISION: f64 = 0.1;
@@ -59,18 +59,20 @@ pub(crate) fn by_cross_validation<const D: usize>(path: &mut Path<'_, D>, guess:
             lowest(&known)
         }
     };
-    loop {
-        for side in [-STEP, 0.0, STEP] {
-            let at = (best + side).clamp(EXPONENTS.0, EXPONENTS.1);
-            if known.iter().all(|&(other, _)| (other - at).abs() > 0.1 * STEP) {
-                known.push((at, score(at, path)?));
+    for step in STEPS {
+        loop {
+            for side in [-step, 0.0, step] {
+                let at = (best + side).clamp(EXPONENTS.0, EXPONENTS.1);
+                if known.iter().all(|&(other, _)| (other - at).abs() > 0.1 * step) {
+                    known.push((at, score(at, path)?));
+                }
             }
+            let lower = lowest(&known);
+            if lower == best {
+                break;
+            }
+            best = lower;
         }
-        let lower = lowest(&known);
-        if lower == best {
-            break;
-        }
-        best = lower;
     }
     known.sort_by(|a, b| a.0.total_cmp(&b.0));
     tracing::debug!(scores = ?known, "cross-validation");
