@@ -125,6 +125,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             100.0 * hsd / diagonal
         ));
     }
+    warnings.extend(reweighting.iter().flat_map(|found| found.warnings(points.nrows())));
     let last = iterations[iterations.len() - 1];
     let deviation = last.deviation;
     let report = Report {

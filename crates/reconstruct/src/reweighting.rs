@@ -196,6 +196,46 @@ pub struct ReweightingReport {
     pub markers_ignored: usize,
 }
 
+impl ReweightingReport {
+    /// What happened, in a few words.
+    pub fn summary(&self) -> String {
+        let mut parts = Vec::new();
+        if let Some(scale) = self.scale {
+            parts.push(format!("{} points set aside (scale {scale:.3e})", self.ignored));
+        }
+        if self.markers + self.markers_to_ignore > 0 || parts.is_empty() {
+            let (met, ignored) = (self.markers_met, self.markers_ignored);
+            parts.push(format!(
+                "{met} of {} markers met, {ignored} of {} ignored",
+                self.markers, self.markers_to_ignore
+            ));
+        }
+        parts.join(", ")
+    }
+
+    /// What the user should know.
+    pub(crate) fn warnings(&self, points: usize) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.ignored > 0 {
+            warnings.push(format!(
+                "{} of {points} points ({:.1} %) disagree grossly with their neighbours and were set aside; their rows are \
+                 in result.reweighting.ignored_rows",
+                self.ignored,
+                100.0 * self.ignored as f64 / points as f64
+            ));
+        }
+        let missed = self.markers - self.markers_met;
+        if missed > 0 {
+            warnings.push(format!(
+                "{missed} of {} markers of type I are not met; allow more --levels, raise --marker-tol, or let their weights \
+                 grow faster by --marker-update",
+                self.markers
+            ));
+        }
+        warnings
+    }
+}
+
 /// The markers of a file: a row and a type in each line, `I` or `1` and `II` or `2`, separated by blanks, a comma or a
 /// semicolon. `#` begins a comment; the first line may name the columns.
 ///

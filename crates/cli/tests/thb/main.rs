@@ -8,5 +8,6 @@ mod layouts;
 mod methods;
 mod models;
 mod results;
+mod reweighting;
 mod scans;
 mod usage;
