@@ -96,6 +96,19 @@ impl<const D: usize> LeastSquares<D> {
         }
     }
 
+    /// Whether the smoothing weight is that of [`Lambda::Auto`].
+    pub(crate) fn is_automatic(&self) -> bool {
+        matches!(self.options.lambda, Lambda::Auto { .. })
+    }
+
+    /// As [`LeastSquares::choose_lambda`], also where one was chosen before.
+    pub(crate) fn choose_lambda_anew(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<f64, Error> {
+        if self.is_automatic() {
+            self.lambda = None;
+        }
+        self.choose_lambda(space)
+    }
+
     /// Uses a smoothing weight whatever the options say, or no longer.
     pub(crate) fn hold_lambda(&mut self, lambda: Option<f64>) {
         self.held = lambda;

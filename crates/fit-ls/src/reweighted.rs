@@ -9,7 +9,7 @@ use thb_core::{HierarchicalSpace, SplineMap};
 
 use crate::lambda::uniform_space;
 use crate::least_squares::LeastSquares;
-use crate::reweight::{PointWeights, Reweighting, lengths};
+use crate::reweight::{Loss, PointWeights, Reweighting, Robust, lengths};
 use crate::{Error, Options, SortedPoints};
 
 /// Rounds of solving and weighing in one space of the adaptive loop. The next space goes on from there, so that they need
@@ -76,6 +76,8 @@ pub struct Reweighted<const D: usize> {
     errors: Vec<f64>,
     rounds: usize,
     settled: bool,
+    /// The points that counted when a space was last prepared; `None` before the first look.
+    judged: Option<Vec<bool>>,
     /// Errors of the points that count, by cell of the last map's space.
     estimate: (Vec<usize>, Vec<f64>),
 }
@@ -95,7 +97,7 @@ impl<const D: usize> Reweighted<D> {
         let solver = LeastSquares::new(parameters, points, confidence, options)?;
         let weights = PointWeights::new::<D>(parameters, confidence, reweighting)?;
         let estimate = (Vec::new(), Vec::new());
-        Ok(Self { solver, weights, errors: Vec::new(), rounds: 0, settled: true, estimate })
+        Ok(Self { solver, weights, errors: Vec::new(), rounds: 0, settled: true, judged: None, estimate })
     }
 
     /// Algorithm 1: fits in one space, over and over, until the robust weights have settled and all markers are satisfied,
@@ -105,7 +107,7 @@ impl<const D: usize> Reweighted<D> {
     /// # Errors
     /// Those of [`LeastSquares::fit`].
     pub fn fit(&mut self, space: &Arc<HierarchicalSpace<D>>, rounds: usize) -> Result<SplineMap<D>, Error> {
-        self.choose_lambda(space)?;
+        self.prepare(space)?;
         for round in 1.. {
             let (map, settled) = self.round(space)?;
             self.settled = settled && self.weights.unsatisfied(&self.errors)? == [0, 0];
@@ -181,30 +183,45 @@ impl<const D: usize> Reweighted<D> {
         self.solver.set_weights(Some(sorted))
     }
 
-    /// Has an automatic smoothing weight chosen by the points that count, once the first outliers are known.
-    fn choose_lambda(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<(), Error> {
-        if !self.weights.is_robust() || !self.solver.chooses_lambda() {
-            return Ok(());
+    /// Before a fit in a new space: a first look at the outliers, and an automatic smoothing weight by the points that
+    /// count as far as that is known.
+    fn prepare(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<(), Error> {
+        let Some(rule) = self.weights.rule().filter(|rule| rule.neighbours > 0) else { return Ok(()) };
+        if self.judged.is_none() {
+            self.look(space, rule)?;
         }
+        let counted = self.weights.counted();
+        if self.solver.chooses_lambda() || (self.solver.is_automatic() && self.judged.as_ref() != Some(&counted)) {
+            let weights = self.weights.weights();
+            let judged: Vec<f64> =
+                weights.iter().zip(&counted).map(|(&w, &counts)| if counts { w } else { 0.0 }).collect();
+            self.hand_over(space, &judged)?;
+            self.solver.hold_lambda(None);
+            let chosen = self.solver.choose_lambda_anew(space)?;
+            self.solver.hold_lambda(Some(chosen));
+        }
+        self.judged = Some(counted);
+        Ok(())
+    }
+
+    /// A first fit in a fine uniform space, by Tukey's loss, whatever follows: it starts far from the minimum, and a loss
+    /// whose pull never ends keeps what it begins with.
+    fn look(&mut self, space: &Arc<HierarchicalSpace<D>>, rule: Robust) -> Result<(), Error> {
         let points = self.solver.points();
         let provisional = PROVISIONAL * points.total_weight();
-        let looked_in = match self.solver.lambda() {
-            None => Arc::new(uniform_space(space, (points.len() / LOOKED_AT).min(LOOK))?),
-            Some(_) => space.clone(),
-        };
-        self.solver.hold_lambda(Some(self.solver.lambda().unwrap_or(provisional)));
+        let fine = Arc::new(uniform_space(space, (points.len() / LOOKED_AT).min(LOOK))?);
+        self.solver.hold_lambda(Some(provisional));
+        self.weights.set_rule(Robust { loss: Loss::Tukey, ..rule });
         for _ in 0..ROUNDS {
-            if self.round(&looked_in)?.1 {
-                break;
+            match self.round(&fine) {
+                Ok((_, false)) => {}
+                // Voids may be too wide for hardly any smoothing: then the space of the fit has the first look.
+                Ok((_, true)) | Err(Error::RankDeficient { .. }) => break,
+                Err(error) => return Err(error),
             }
         }
+        self.weights.set_rule(rule);
         self.solver.hold_lambda(None);
-        let counted = self.weights.counted();
-        let weights = self.weights.weights();
-        let judged: Vec<f64> = weights.iter().zip(counted).map(|(&w, counts)| if counts { w } else { 0.0 }).collect();
-        self.hand_over(space, &judged)?;
-        let chosen = self.solver.choose_lambda(space)?;
-        self.solver.hold_lambda(Some(chosen));
         Ok(())
     }
 }
@@ -218,7 +235,7 @@ impl<const D: usize> Solve<D> for Reweighted<D> {
         space: &Arc<HierarchicalSpace<D>>,
         _previous: Option<&SplineMap<D>>,
     ) -> Result<Solution<D>, Error> {
-        self.choose_lambda(space)?;
+        self.prepare(space)?;
         let (mut assemble_seconds, mut solve_seconds) = (0.0, 0.0);
         for round in 1.. {
             let (solution, settled) = self.round(space)?;

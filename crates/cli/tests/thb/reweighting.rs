@@ -6,9 +6,10 @@ use crate::scans;
 /// Points per direction.
 const SIDE: usize = 24;
 
-/// Whether a point of [`scan`] is spoiled: about a fifth are.
+/// Whether a point of [`scan`] is spoiled: about a fifth are, without order.
 fn spoiled(row: usize) -> bool {
-    (row * row + 3 * row) % 47 < 9
+    let step = |state: u64| state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (0..=row + 10).fold(1, |state, _| step(state)) >> 32 & 0xFF < 51
 }
 
 /// A surface with parameters, as CSV with the columns u, v, x, y, z, sure: every fifth point is off by up to 0.5 in z, if
@@ -118,7 +119,9 @@ fn markers_are_found() {
     lab.succeeds("fit scan.csv --markers auto -o part.json --report r.json");
     assert!(error(&lab) < 0.005);
     let found = lab.json("r.json")["result"]["reweighting"].clone();
-    assert_eq!(found["markers_to_ignore"], count_spoiled(), "{found}");
+    // A few sound points may be among them.
+    let marked = found["markers_to_ignore"].as_u64().unwrap() as usize;
+    assert!((count_spoiled()..count_spoiled() + 10).contains(&marked), "{found}");
 }
 
 #[test]

@@ -153,9 +153,14 @@ impl PointWeights {
         &self.gross
     }
 
-    /// Whether a loss weighs the points.
-    pub(crate) fn is_robust(&self) -> bool {
-        self.rule.is_some()
+    /// The robust loss.
+    pub(crate) fn rule(&self) -> Option<Robust> {
+        self.rule
+    }
+
+    /// Weighs by another loss from the next update on.
+    pub(crate) fn set_rule(&mut self, rule: Robust) {
+        self.rule = Some(rule);
     }
 
     /// The scale of the residuals, once it is known: their typical size in units of the points, as a standard deviation.
