@@ -27,6 +27,9 @@ const SHARP: f64 = 0.35;
 /// Most rounds in the final space by which markers of type I are still to be met.
 const LAST_ROUNDS: usize = 30;
 
+/// Times that stray points are looked for before a fit: those found have no say about their neighbours the next time.
+const SCREENINGS: usize = 3;
+
 /// Rows that a report lists at most; the counts are those of all.
 const LISTED: usize = 1000;
 
@@ -291,7 +294,9 @@ pub(crate) fn robust_diagonal(points: ArrayView2<'_, f64>, parameters: ArrayView
     let mut weights = PointWeights::new::<2>(parameters, None, &reweighting)?;
     // Residuals of the map that is zero everywhere.
     let columns: Vec<Vec<f64>> = points.columns().into_iter().map(|column| column.to_vec()).collect();
-    weights.update_robust(&columns)?;
+    for _ in 0..SCREENINGS {
+        weights.update_robust(&columns)?;
+    }
     let kept: Vec<usize> = (0..points.nrows()).filter(|&i| !weights.gross()[i]).collect();
     Ok(BoundingBox::of(points.select(Axis(0), &kept).view())?.diagonal())
 }
