@@ -19,7 +19,7 @@ const PROBED: usize = 16_000;
 const PROBES: (usize, usize) = (4, 24);
 
 /// Seed of the probes; its number means nothing. The same signs serve all weights, so that scores can be compared.
-const SEED: u64 = 0x5EED_0F_4C5;
+const SEED: u64 = 0x0005_EED0_F4C5;
 
 /// Weights that are looked at, in powers of ten of the ratio of the traces of `BᵀWB` and `G`. Below, smoothing does not reach
 /// the finest functions; above, only polynomials that have no energy are left.

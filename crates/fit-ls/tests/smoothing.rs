@@ -65,7 +65,6 @@ fn cross_validation_is_near_the_best_weight_for_any_noise() {
         let space = uniform(3, elements);
         let (least, at) = best(&data, &space);
         let (found, lambda) = data.error(&space, Lambda::CrossValidation);
-        println!("{noise} {elements} {m}: best {least:e} at {at:e}, found {found:e} at {lambda:e}");
         assert!(found <= 1.1 * least, "noise {noise}: {found:e} with {lambda:e}, best {least:e} with {at:e}");
     }
 }
@@ -83,7 +82,6 @@ fn discrepancy_leaves_the_noise_in_the_residuals() {
         let rmse = (distances.iter().map(|d| d * d).sum::<f64>() / 3000.0).sqrt();
         assert!(rmse <= noise && rmse > 0.97 * noise, "{rmse:e} beside {noise:e}");
         let (least, _) = best(&data, &space);
-        println!("{noise}: found {found:e}, best {least:e}");
         assert!(found < 2.0 * least, "{found:e} beside {least:e}");
     }
 }
