@@ -261,6 +261,15 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Figure 3.7, gross outliers, corrupted patches, and the rules for the smoothing weight.
+    Rwls {
+        /// A folder with `thesis/nefertiti_up.xml` and `nefertiti_head_8933.obj`; without it only generated clouds are fitted.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The file to write, docs/results/rwls.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
     Classical {
         /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
@@ -303,6 +312,10 @@ fn main() -> Result<()> {
                     ("curves", out, missing, tables::curves::document(data.as_deref())?)
                 }
                 Tables::BoxSplines { out } => ("box-splines", out, None, tables::box_splines::document()?),
+                Tables::Rwls { data, out } => {
+                    let missing = data.is_none().then_some("measured clouds need --data DIR and were left out");
+                    ("rwls", out, missing, tables::rwls::document(data.as_deref())?)
+                }
                 Tables::Classical { data, out } => {
                     let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
                     ("classical", out, missing, tables::classical::document(data.as_deref())?)

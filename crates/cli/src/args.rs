@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use reconstruct::{
     BlendChoice, BoundaryChoice, Clean, Closed, ClosedChoice, CornerChoice, Crop, CurveOptions, CurveParameters,
-    Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule, Mark,
-    Method, Pair, ParameterChoice, ParameterOptions, QuasiOptions, RadiusChoice, ReadOptions, Refine, SideRule,
-    Tolerance,
+    Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule,
+    LossChoice, Mark, MarkerChoice, Method, Pair, ParameterChoice, ParameterOptions, QuasiOptions, RadiusChoice,
+    ReadOptions, Refine, ReweightingOptions, SideRule, Tolerance, UpdateChoice,
 };
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
@@ -158,13 +158,36 @@ pub(crate) struct FitArgs {
     /// Elements of the coarsest level, as 8 or 8x4.
     #[arg(long, default_value_t = FitOptions::default().mesh, help_heading = "What is fitted")]
     mesh: Pair,
-    /// Smoothing weight: auto (by error on held-out points, within the tolerance) or a number. It multiplies the thin-plate energy G in
+    /// Smoothing weight: auto (by error on held-out points, within the tolerance), gcv (generalized cross-validation, for
+    /// noise of unknown size), discrepancy:SIGMA (as large as the root mean squared distance SIGMA of the points from the
+    /// true surface allows; a length or a percentage of the diagonal), or a number. It multiplies the thin-plate energy G in
     /// BᵀWB + λG.
     #[arg(long, default_value_t = FitOptions::default().lambda, allow_hyphen_values = true, help_heading = "What is fitted")]
     lambda: LambdaChoice,
     /// Integration of the energy: exact, or gauss-p as in G+Smo.
     #[arg(long, default_value_t = FitOptions::default().energy, help_heading = "What is fitted")]
     energy: Energy,
+
+    /// Robust loss, for points with gross errors: huber, tukey, geman-mcclure, or lp:P with 1 < P ≤ 2. Points that disagree
+    /// with their neighbours are set aside and listed in the report. [default: least squares]
+    #[arg(long, value_name = "LOSS", help_heading = "What counts how much")]
+    robust: Option<LossChoice>,
+    /// Markers: a file with a row (from 0) and a type in each line, I for points that must be met, II for points that
+    /// must be ignored; or auto, to find both by a first fit and by curvature.
+    #[arg(long, value_name = "FILE|auto", help_heading = "What counts how much")]
+    markers: Option<MarkerChoice>,
+    /// Distance below which a marker of type I is met. [default: --tol]
+    #[arg(long, value_name = "TOL", allow_hyphen_values = true, help_heading = "What counts how much")]
+    marker_tol: Option<Tolerance>,
+    /// Distance above which a marker of type II is ignored. [default: --tol]
+    #[arg(long, value_name = "TOL", allow_hyphen_values = true, help_heading = "What counts how much")]
+    ignore_tol: Option<Tolerance>,
+    /// Change of the weight of a marker that is not satisfied: a factor, or error for 1 + distance / tolerance.
+    #[arg(long, value_name = "UPDATE", default_value_t = UpdateChoice::default(), help_heading = "What counts how much")]
+    marker_update: UpdateChoice,
+    /// Column of a CSV file with the confidence in each point, 0 or more, which multiplies its weight.
+    #[arg(long, value_name = "COLUMN", help_heading = "What counts how much")]
+    weights: Option<String>,
 
     /// Tolerance, a length in the units of the input or a percentage of the bounding box diagonal.
     #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true, help_heading = "When it is good enough")]
@@ -216,7 +239,10 @@ impl FitArgs {
     /// The options of the fit.
     pub(crate) fn options(&self) -> FitOptions {
         FitOptions {
-            parameters: self.layout.options(),
+            parameters: ParameterOptions {
+                read: ReadOptions { weights: self.weights.clone(), ..self.layout.read.options() },
+                ..self.layout.options()
+            },
             method: self.method,
             corrections: self.corrections,
             blend: self.blend,
@@ -228,6 +254,13 @@ impl FitArgs {
                 density: self.density,
                 splits: self.splits,
                 local_lambda: self.local_lambda,
+            },
+            reweighting: ReweightingOptions {
+                robust: self.robust,
+                markers: self.markers.clone(),
+                marker_tol: self.marker_tol,
+                ignore_tol: self.ignore_tol,
+                marker_update: self.marker_update,
             },
             degree: self.degree,
             mesh: self.mesh,
@@ -500,6 +533,7 @@ impl ReadArgs {
             format: self.format,
             columns: self.columns.iter().map(|column| column.trim().to_owned()).collect(),
             classes: self.classes.clone(),
+            weights: None,
             height_field: self.height_field,
         }
     }

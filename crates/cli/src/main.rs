@@ -38,6 +38,7 @@ fn main() -> ExitCode {
                 error.downcast_ref(),
                 Some(
                     Error::OptionRange { .. }
+                        | Error::OtherMethod { .. }
                         | Error::OutputFormat { .. }
                         | Error::ParameterFormat { .. }
                         | Error::CurveFormat { .. }

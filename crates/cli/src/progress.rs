@@ -58,11 +58,13 @@ fn name(input: &Path) -> String {
 fn line(result: &PartResult) -> String {
     let name = name(&result.input);
     match &result.outcome {
-        PartOutcome::Fitted { reached, stop, dofs, max, within, tolerance, seconds, .. } => {
+        PartOutcome::Fitted { reached, stop, dofs, max, within, tolerance, lambda, reweighting, seconds, .. } => {
             let verdict = if *reached { "done".to_owned() } else { format!("tolerance not reached ({stop})") };
             format!(
-                "{name}: {verdict}, {dofs} control points, {:.1} % within {tolerance:.4e}, max {max:.4e}, {seconds:.2} s",
-                100.0 * within
+                "{name}: {verdict}, {dofs} control points, {:.1} % within {tolerance:.4e}, max {max:.4e}, \
+                 λ {lambda:.2e}{}, {seconds:.2} s",
+                100.0 * within,
+                reweighting.as_ref().map_or(String::new(), |weights| format!(", {}", weights.summary())),
             )
         }
         PartOutcome::Failed { .. } => format!("{name}: failed"),

@@ -60,6 +60,46 @@ pub enum Error {
         /// The weight.
         value: f64,
     },
+    /// A noise level is not positive or not finite.
+    #[error("the noise level {value} is not a positive length")]
+    Noise {
+        /// The level.
+        value: f64,
+    },
+    /// The exponent of an ℓp fit is out of its range.
+    #[error("the exponent p = {value} of an ℓp fit is not in 1 < p ≤ 2")]
+    Exponent {
+        /// The exponent.
+        value: f64,
+    },
+    /// The least scale of residuals is negative or not finite.
+    #[error("the least scale {value} of residuals is negative or not finite")]
+    Scale {
+        /// The scale.
+        value: f64,
+    },
+    /// A marker names no point.
+    #[error("marker {index} names no point: there are {points}, counted from 0")]
+    Marker {
+        /// The index.
+        index: usize,
+        /// Number of points.
+        points: usize,
+    },
+    /// A point is marked twice.
+    #[error("point {index} is marked twice; a marker is of type I or of type II, once")]
+    MarkedTwice {
+        /// Index of the point.
+        index: usize,
+    },
+    /// A rule for markers is out of its range.
+    #[error("rule of markers: {value} given, {what} expected")]
+    MarkerRule {
+        /// What is expected.
+        what: &'static str,
+        /// The number given.
+        value: f64,
+    },
     /// The equations do not determine all coefficients.
     #[error(
         "the points do not determine the surface: {without_data} of {functions} functions have no point in their support \

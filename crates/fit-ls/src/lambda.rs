@@ -22,6 +22,30 @@ pub enum Lambda {
         /// Distance up to which a point counts as met; infinity for twice the median error of the best prediction.
         tolerance: f64,
     },
+    /// The minimum of generalized cross-validation, sought anew in each space: for points with noise of unknown size that is
+    /// independent from point to point. Wahba's score `m Σ ω|r|² / (m − tr H)²` estimates the error of prediction; the trace
+    /// of the influence matrix H is estimated by random probes with a fixed seed.
+    CrossValidation,
+    /// The largest weight with which the root mean squared distance of the points is at most a known noise, sought anew in
+    /// each space (Morozov's discrepancy principle).
+    Discrepancy {
+        /// Root mean squared distance of the points from the true map.
+        noise: f64,
+    },
+}
+
+impl Lambda {
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// [`Error::Lambda`], [`Error::Noise`].
+    pub fn check(self) -> Result<(), Error> {
+        match self {
+            Self::Fixed(value) if !(value.is_finite() && value >= 0.0) => Err(Error::Lambda { value }),
+            Self::Discrepancy { noise: value } if !(value.is_finite() && value > 0.0) => Err(Error::Noise { value }),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Every so many points, one is held out.
@@ -77,7 +101,10 @@ pub fn automatic_lambda<const D: usize>(
     lambdas.truncate(judged);
     let mut trials: Vec<Trial> = lambdas.iter().map(|&lambda| Trial { lambda, ..Trial::default() }).collect();
     for window in windows {
-        let inside: Vec<usize> = (0..points.len()).filter(|&at| contains(&window, points.parameter(at))).collect();
+        // What has no weight is neither fitted nor predicted.
+        let counts = |at: usize| points.weights().is_none_or(|w| w[at] > 0.0);
+        let inside: Vec<usize> =
+            (0..points.len()).filter(|&at| counts(at) && contains(&window, points.parameter(at))).collect();
         if inside.len() >= FEWEST_POINTS {
             compare(points, &inside, space.degree(), &window, options, &mut trials)?;
         }
@@ -220,7 +247,16 @@ fn comparison_space<const D: usize>(
     Ok(HierarchicalSpace::new(Kind::Thb, std::array::from_fn(|d| knots[d].clone()))?)
 }
 
-fn subset<const D: usize>(points: &SortedPoints<D>, chosen: &[usize]) -> Result<SortedPoints<D>, Error> {
+/// A uniform space of about so many functions, with the degree and domain of another; open in all directions.
+pub(crate) fn uniform_space<const D: usize>(
+    like: &HierarchicalSpace<D>,
+    functions: usize,
+) -> Result<HierarchicalSpace<D>, Error> {
+    comparison_space(like.degree(), &like.domain(), POINTS_PER_FUNCTION * functions)
+}
+
+/// Some of the points, by their places.
+pub(crate) fn subset<const D: usize>(points: &SortedPoints<D>, chosen: &[usize]) -> Result<SortedPoints<D>, Error> {
     let parameters = Array2::from_shape_fn((chosen.len(), D), |(i, d)| points.parameters[d][chosen[i]]);
     let targets = Array2::from_shape_fn((chosen.len(), points.dim()), |(i, k)| points.points[k][chosen[i]]);
     let weights = points.weights.as_ref().map(|w| Array1::from_iter(chosen.iter().map(|&i| w[i])));

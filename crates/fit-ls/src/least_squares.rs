@@ -8,10 +8,21 @@ use ndarray::{Array2, ArrayView1, ArrayView2};
 use thb_core::{CellSpace, HierarchicalSpace, Quadrature, SplineMap, SymmetricMatrix, SymmetricPattern, ThinPlate};
 
 use crate::cholesky::{Cholesky, FactorizationError};
+use crate::cross_validation::{Path, by_cross_validation, by_discrepancy};
+use crate::lambda::{subset, uniform_space};
 use crate::{Error, Lambda, NormalEquations, SortedPoints};
 
 /// Number of functions without data that an error names.
 const NAMED: usize = 5;
+
+/// Functions up to which cross-validation looks at all smoothing weights.
+const FEW: usize = 500;
+
+/// Functions for each one of the space in which it looks at all of them otherwise.
+const COARSER: usize = 6;
+
+/// Points for each function of that space by which the weight is guessed.
+const GUESSED_BY: usize = 12;
 
 /// How to fit.
 #[derive(Clone, Debug)]
@@ -41,6 +52,8 @@ pub struct LeastSquares<const D: usize> {
     options: Options<D>,
     /// λ as a number, once it is chosen.
     lambda: Option<f64>,
+    /// λ to be used whatever the options say.
+    held: Option<f64>,
     solver: Option<Cholesky>,
     /// The energy of the last space.
     energy: Option<(Arc<HierarchicalSpace<D>>, SymmetricMatrix)>,
@@ -63,17 +76,98 @@ impl<const D: usize> LeastSquares<D> {
 
     /// A problem with points that are sorted in any way.
     pub(crate) fn of(points: SortedPoints<D>, options: Options<D>) -> Result<Self, Error> {
-        let lambda = match options.lambda {
-            Lambda::Auto { .. } => None,
-            Lambda::Fixed(value) if value.is_finite() && value >= 0.0 => Some(value),
-            Lambda::Fixed(value) => return Err(Error::Lambda { value }),
-        };
-        Ok(Self { points, sorted_for: None, options, lambda, solver: None, energy: None, errors: Vec::new() })
+        options.lambda.check()?;
+        let lambda = if let Lambda::Fixed(value) = options.lambda { Some(value) } else { None };
+        let errors = Vec::new();
+        Ok(Self { points, sorted_for: None, options, lambda, held: None, solver: None, energy: None, errors })
     }
 
     /// The smoothing weight in use; `None` as long as an automatic one is not chosen.
     pub fn lambda(&self) -> Option<f64> {
-        self.lambda
+        self.held.or(self.lambda)
+    }
+
+    /// Whether the next fit in a new space would choose a smoothing weight.
+    pub(crate) fn chooses_lambda(&self) -> bool {
+        match self.options.lambda {
+            Lambda::Fixed(_) => false,
+            Lambda::Auto { .. } => self.lambda.is_none(),
+            Lambda::CrossValidation | Lambda::Discrepancy { .. } => true,
+        }
+    }
+
+    /// Whether the smoothing weight is that of [`Lambda::Auto`].
+    pub(crate) fn is_automatic(&self) -> bool {
+        matches!(self.options.lambda, Lambda::Auto { .. })
+    }
+
+    /// As [`LeastSquares::choose_lambda`], also where one was chosen before.
+    pub(crate) fn choose_lambda_anew(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<f64, Error> {
+        if self.is_automatic() {
+            self.lambda = None;
+        }
+        self.choose_lambda(space)
+    }
+
+    /// Uses a smoothing weight whatever the options say, or no longer.
+    pub(crate) fn hold_lambda(&mut self, lambda: Option<f64>) {
+        self.held = lambda;
+    }
+
+    /// The smoothing weight for a space, as the options say, by the points with their present weights.
+    pub(crate) fn choose_lambda(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<f64, Error> {
+        self.choose_and_reduce(space).map(|(lambda, _)| lambda)
+    }
+
+    /// As [`LeastSquares::choose_lambda`], with the equations of the points where the choice has formed them.
+    fn choose_and_reduce(
+        &mut self,
+        space: &Arc<HierarchicalSpace<D>>,
+    ) -> Result<(f64, Option<NormalEquations>), Error> {
+        let (chosen, reduced) = match (self.options.lambda, self.lambda) {
+            (Lambda::Fixed(lambda), _) | (Lambda::Auto { .. }, Some(lambda)) => (lambda, None),
+            (Lambda::Auto { tolerance }, None) => {
+                (crate::automatic_lambda(&self.points, space, &self.options, tolerance)?, None)
+            }
+            (choice @ (Lambda::CrossValidation | Lambda::Discrepancy { .. }), mut guess) => {
+                if guess.is_none() && choice == Lambda::CrossValidation && space.n_functions() > FEW {
+                    guess = Some(self.guess_lambda(space)?);
+                }
+                self.sort(space)?;
+                let energy = self.energy(space)?;
+                let mut solver = self.solver_for(&energy)?;
+                let probes = choice == Lambda::CrossValidation;
+                let mut path = Path::new(space, &self.points, &energy, &mut solver, probes)?;
+                let chosen = match choice {
+                    Lambda::Discrepancy { noise } => by_discrepancy(&mut path, noise)?,
+                    _ => by_cross_validation(&mut path, guess)?,
+                };
+                let reduced = path.into_equations();
+                self.solver = Some(solver);
+                (chosen, Some(reduced))
+            }
+        };
+        self.lambda = Some(chosen);
+        Ok((chosen, reduced))
+    }
+
+    /// The weight that cross-validation chooses in a coarse uniform space: there, looking at all weights costs little.
+    fn guess_lambda(&self, space: &Arc<HierarchicalSpace<D>>) -> Result<f64, Error> {
+        let functions = space.n_functions() / COARSER;
+        let coarse = Arc::new(uniform_space(space, functions)?);
+        let step = (self.points.len() / (GUESSED_BY * functions)).max(1);
+        let some: Vec<usize> = (0..self.points.len()).step_by(step).collect();
+        let mut method = Self::of(subset(&self.points, &some)?, self.options.clone())?;
+        // The same noise at fewer points needs as much smoothing for each of them.
+        Ok(method.choose_lambda(&coarse)? * step as f64)
+    }
+
+    /// The solver of the space before if it has the pattern of a matrix, or a new one.
+    fn solver_for(&mut self, matrix: &SymmetricMatrix) -> Result<Cholesky, Error> {
+        match self.solver.take().filter(|solver| solver.pattern() == matrix.pattern()) {
+            Some(solver) => Ok(solver),
+            None => Cholesky::new(matrix.pattern()).map_err(|_| Error::OutOfMemory { functions: matrix.pattern().n() }),
+        }
     }
 
     /// The points, in the order of the cells of the last space.
@@ -160,21 +254,19 @@ impl<const D: usize> LeastSquares<D> {
     fn solve_timed(&mut self, space: &Arc<HierarchicalSpace<D>>, fixed: &Fixed) -> Result<Solution<D>, Error> {
         let start = Instant::now();
         self.sort(space)?;
-        let lambda = match (self.lambda, self.options.lambda) {
-            (Some(lambda), _) | (None, Lambda::Fixed(lambda)) => lambda,
-            (None, Lambda::Auto { tolerance }) => {
-                *self.lambda.insert(crate::automatic_lambda(&self.points, space, &self.options, tolerance)?)
-            }
+        let (lambda, reduced) = match self.held {
+            Some(lambda) => (lambda, None),
+            None => self.choose_and_reduce(space)?,
         };
         let energy = self.energy(space)?;
         let pattern = energy.pattern().clone();
-        let equations = NormalEquations::new(space.as_ref(), &pattern, &self.points)?;
+        let equations = match reduced {
+            Some(equations) => equations,
+            None => NormalEquations::new(space.as_ref(), &pattern, &self.points)?,
+        };
         let assembled = start.elapsed().as_secs_f64();
         let solving = Instant::now();
-        let solver = match self.solver.take().filter(|solver| *solver.pattern() == pattern) {
-            Some(solver) => solver,
-            None => Cholesky::new(&pattern).map_err(|_| Error::OutOfMemory { functions: space.n_functions() })?,
-        };
+        let solver = self.solver_for(&energy)?;
         let coefficients = penalized(self.solver.insert(solver), equations, &energy, lambda, fixed)?;
         let map = SplineMap::new(space.clone(), coefficients)?;
         Ok(Solution { map, assemble_seconds: assembled, solve_seconds: solving.elapsed().as_secs_f64() })

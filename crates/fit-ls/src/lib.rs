@@ -29,6 +29,8 @@ mod block;
 mod boundary;
 mod cholesky;
 mod creases;
+mod cross_validation;
+mod detect;
 mod error;
 mod interpolants;
 mod kernel;
@@ -37,12 +39,15 @@ mod least_squares;
 mod metrics;
 mod normal;
 mod plain;
+mod reweight;
+mod reweighted;
 mod sorted;
 
 pub use block::BlockEquations;
 pub use boundary::{Side, boundary_coefficients, boundary_functions};
 pub use cholesky::{Cholesky, FactorizationError};
 pub use creases::creases;
+pub use detect::{Detection, detect_markers};
 pub use error::Error;
 pub use interpolants::{
     Interpolant, Interpolants, collocation_matrix, schoenberg_whitney, wls_as_interpolants, wls_limit,
@@ -53,4 +58,6 @@ pub use least_squares::{Fixed, LeastSquares, Options, eliminate};
 pub use metrics::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use normal::{NormalEquations, PointBox, box_sums};
 pub use plain::weighted_least_squares;
+pub use reweight::{Loss, MarkerRules, Markers, PointWeights, Reweighting, Robust, Update, median_scale};
+pub use reweighted::{Reweighted, ReweightingReport};
 pub use sorted::SortedPoints;

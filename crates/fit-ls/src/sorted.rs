@@ -226,6 +226,13 @@ impl<const D: usize> SortedPoints<D> {
         Ok(())
     }
 
+    /// These points with further coordinates, one array each, in the order of the cells.
+    pub(crate) fn with_columns(&self, columns: impl Iterator<Item = Vec<f64>>) -> Self {
+        let mut extended = self.clone();
+        extended.points.extend(columns);
+        extended
+    }
+
     /// The sum of the weights.
     pub fn total_weight(&self) -> f64 {
         self.weights.as_ref().map_or(self.len() as f64, |w| w.iter().sum())

@@ -100,6 +100,20 @@ pub enum ReadErrorKind {
         /// The column as given.
         column: String,
     },
+    /// A column was asked for in a file whose columns have no names.
+    #[error("no line names the columns, so that the option {option} finds none; begin the file with their names")]
+    NoNames {
+        /// The option.
+        option: &'static str,
+    },
+    /// A confidence is negative.
+    #[error("line {line}: the confidence {value} is negative; 0 leaves a point out, larger numbers trust it more")]
+    NegativeWeight {
+        /// The line, counted from 1.
+        line: usize,
+        /// The number.
+        value: f64,
+    },
     /// No point has a class that was asked for.
     #[error(
         "no point has a class among {wanted:?}; the file has the classes {}",

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::Serialize;
 
 use crate::output::{check_parameter_format, is_directory, part_name};
-use crate::{Error, Event, FitOptions, OutputPaths, fit_file, write_outputs, write_text};
+use crate::{Error, Event, FitOptions, OutputPaths, ReweightingReport, fit_file, write_outputs, write_text};
 
 /// Where the results of a batch go, and how many parts are fitted at a time.
 #[derive(Clone, Debug, Default)]
@@ -73,6 +73,11 @@ pub enum PartOutcome {
         within: f64,
         /// The tolerance.
         tolerance: f64,
+        /// The smoothing weight that was used.
+        lambda: f64,
+        /// What came of robust losses and markers; absent without.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        reweighting: Option<Box<ReweightingReport>>,
         /// Seconds.
         seconds: f64,
         /// What the user should know.
@@ -175,6 +180,8 @@ fn fit_part(
                 rmse: report.result.rmse,
                 within: report.result.within,
                 tolerance: report.result.tolerance,
+                lambda: report.result.lambda,
+                reweighting: report.result.reweighting.map(Box::new),
                 seconds: report.result.seconds,
                 warnings: report.warnings,
             },

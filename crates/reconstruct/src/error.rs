@@ -135,6 +135,24 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// An option that fixed parameters need was given with another method.
+    #[error("{option} is for --method ls and auto; {method} cannot follow it")]
+    OtherMethod {
+        /// Name of the option.
+        option: &'static str,
+        /// The method asked for.
+        method: String,
+    },
+    /// A marker file holds something else than rows and types.
+    #[error("{}, line {line}: {text:?} is no marker; a line holds the row of a point, from 0, and its type, I (must be met) or II (must be ignored)", path.display())]
+    MarkerFile {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What stands there.
+        text: String,
+    },
     /// An option is out of its range.
     #[error("{option} = {given} is out of range: {allowed}")]
     OptionRange {

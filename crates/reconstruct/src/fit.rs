@@ -14,6 +14,7 @@ use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
 use crate::parameter_options::Domain;
 use crate::parameters::{extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
+use crate::reweighting::robust_diagonal;
 use crate::{Error, Event, FitOptions, Watch};
 
 /// Samples per direction and cell for the distance from surface to points.
@@ -76,11 +77,17 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let span = tracing::info_span!("fit", name);
     let _guard = span.enter();
     let format = scan.format;
+    let confidence = scan.weights.clone();
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let mut warnings = laid_out.warnings.clone();
     let points = &laid_out.points;
-    let diagonal = BoundingBox::of(points.view())?.diagonal();
+    let diagonal = match options.reweighting.robust {
+        Some(_) => robust_diagonal(points.view(), laid_out.parameters.view())?,
+        None => BoundingBox::of(points.view())?.diagonal(),
+    };
+    let confidence: Option<Array1<f64>> =
+        confidence.map(|all| laid_out.rows.iter().map(|&row| all[row as usize]).collect());
     let tolerance = options.tol.resolve(diagonal);
     tracing::info!(
         points = points.nrows(),
@@ -94,12 +101,16 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let problem = Problem {
         points: laid_out.points.view(),
         parameters: laid_out.parameters.view(),
+        weights: confidence.as_ref().map(|w| w.view()),
+        rows: &laid_out.rows,
         triangles: &laid_out.triangles,
         tolerance,
         diagonal,
     };
     let Attempt { method, fitted, dhd, hsd, creases } = fitting::fit(&problem, &space, options, watch)?;
-    let Fitted { map, stop, failure, history: iterations, moves, quasi, parameters, errors, lambda } = fitted;
+    let Fitted {
+        map, stop, failure, history: iterations, moves, quasi, reweighting, parameters, errors, lambda, ..
+    } = fitted;
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
     }
@@ -126,6 +137,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             100.0 * hsd / diagonal
         ));
     }
+    warnings.extend(reweighting.iter().flat_map(|found| found.warnings(points.nrows())));
     let last = iterations[iterations.len() - 1];
     let deviation = last.deviation;
     let report = Report {
@@ -159,6 +171,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             seconds: start.elapsed().as_secs_f64(),
             stop: stop.name(),
             reached: stop == Stop::ToleranceReached,
+            reweighting,
             sides: sides(&map)?,
         },
         history: history(&iterations, &moves, &quasi),

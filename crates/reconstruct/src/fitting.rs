@@ -6,13 +6,14 @@ use std::sync::Arc;
 use adaptive::{Iteration, Observer, Outcome, Stop, run};
 use fit_ls::{LeastSquares, creases, directed_hausdorff, map_to_points};
 use moving_param::{Blend, Distance, JointOptions, Moves, MovingFit, Schedule};
-use ndarray::{Array1, Array2, ArrayView2, Axis};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use point_cloud::LocalFrames;
 use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
 
 use crate::fit::SAMPLES;
 use crate::options::{BlendChoice, LambdaChoice, Method};
 use crate::quasi::{self, QuasiReport};
+use crate::reweighting::{self, ReweightingReport};
 use crate::{Error, Event, FitOptions, Watch};
 
 /// Distance between surface and points, as a share of the diagonal, from which on the user is warned. Gaps between
@@ -58,6 +59,10 @@ pub(crate) struct Fitted {
     pub(crate) moves: Vec<Moves>,
     /// The local problems of each iteration; empty where there are none.
     pub(crate) quasi: Vec<QuasiReport>,
+    /// What came of weights that follow the errors.
+    pub(crate) reweighting: Option<ReweightingReport>,
+    /// Whether each point counts for the errors; `None` if all do.
+    pub(crate) counted: Option<Vec<bool>>,
     /// Final parameters, `(m, 2)`.
     pub(crate) parameters: Array2<f64>,
     /// Distance of each point to the surface at its parameters.
@@ -99,6 +104,10 @@ impl Attempt {
 pub(crate) struct Problem<'a> {
     pub(crate) points: ArrayView2<'a, f64>,
     pub(crate) parameters: ArrayView2<'a, f64>,
+    /// The confidence in each point, if it is given.
+    pub(crate) weights: Option<ArrayView1<'a, f64>>,
+    /// Row of each point in the file.
+    pub(crate) rows: &'a [u32],
     /// Triangles over the points that may not turn over in the parameter plane.
     pub(crate) triangles: &'a [[u32; 3]],
     pub(crate) tolerance: f64,
@@ -119,7 +128,8 @@ pub(crate) fn fit(
         return attempt(options.method, problem, space, options, watch);
     }
     let fixed = attempt(Method::Ls, problem, space, options, watch)?;
-    if fixed.fitted.stop == Stop::Interrupted || fixed.dofs() == space.n_functions() && fixed.reached() {
+    let coarsest = fixed.dofs() == space.n_functions() && fixed.reached();
+    if coarsest || fixed.fitted.stop == Stop::Interrupted || options.reweighting.is_asked_for() {
         return Ok(fixed);
     }
     let enough = match fixed.reached() {
@@ -161,18 +171,28 @@ fn attempt(
     let fitted = match (method, moving_method(method, problem, options)?) {
         (Method::Qi | Method::AQi, _) => quasi::fit(method, problem, space, options, &rules, &mut observer)?,
         (_, Some(moving)) => moving_parameters(moving, problem, space, options, &rules, &mut observer)?,
+        (_, None) if options.reweighting.is_asked_for() || problem.weights.is_some() => {
+            reweighting::fit(problem, space, options, &rules, &mut observer)?
+        }
         (_, None) => fixed_parameters(problem, space, options, &rules, &mut observer)?,
     };
     let _ = watch(Event::Step("measuring the surface"));
-    let dhd = directed_hausdorff(&fitted.map, fitted.parameters.view(), problem.points)?;
-    let hsd = dhd.max(map_to_points(&fitted.map, problem.points, SAMPLES)?);
+    // The surface need not come near points that count for nothing.
+    let kept: Option<Vec<usize>> =
+        fitted.counted.as_ref().map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect());
+    let (points, parameters) = match &kept {
+        Some(kept) => (problem.points.select(Axis(0), kept), fitted.parameters.select(Axis(0), kept)),
+        None => (problem.points.to_owned(), fitted.parameters.clone()),
+    };
+    let dhd = directed_hausdorff(&fitted.map, parameters.view(), points.view())?;
+    let hsd = dhd.max(map_to_points(&fitted.map, points.view(), SAMPLES)?);
     let creases = creases(&fitted.map, CREASE_SAMPLES)?;
     Ok(Attempt { method, fitted, dhd, hsd, creases })
 }
 
-fn least_squares_options(problem: &Problem<'_>, options: &FitOptions) -> fit_ls::Options<2> {
+pub(crate) fn least_squares_options(problem: &Problem<'_>, options: &FitOptions) -> fit_ls::Options<2> {
     fit_ls::Options {
-        lambda: options.lambda.resolve(problem.tolerance),
+        lambda: options.lambda.resolve(problem.tolerance, problem.diagonal),
         quadrature: options.energy.quadrature(),
         ..fit_ls::Options::default()
     }
@@ -186,7 +206,7 @@ fn fixed_parameters(
     observer: &mut dyn Observer,
 ) -> Result<Fitted, Error> {
     let fitting = least_squares_options(problem, options);
-    let mut solver = LeastSquares::new(problem.parameters, problem.points, None, fitting)?;
+    let mut solver = LeastSquares::new(problem.parameters, problem.points, problem.weights, fitting)?;
     let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
     let sorted = solver.distances(&map)?.to_vec();
     Ok(Fitted {
@@ -196,6 +216,8 @@ fn fixed_parameters(
         failure: failure.map(|error| error.to_string()),
         moves: Vec::new(),
         quasi: Vec::new(),
+        reweighting: None,
+        counted: None,
         map,
         stop,
         history,
@@ -218,7 +240,7 @@ fn moving_parameters(
         tolerance: problem.tolerance,
         ..moving_param::Options::default()
     };
-    let mut solver = MovingFit::new(problem.parameters, problem.points, None, fitting, settings)?;
+    let mut solver = MovingFit::new(problem.parameters, problem.points, problem.weights, fitting, settings)?;
     if !problem.triangles.is_empty() {
         solver = solver.with_triangles(problem.triangles)?;
     }
@@ -229,6 +251,8 @@ fn moving_parameters(
         lambda: solver.lambda().unwrap_or(0.0),
         moves: solver.reports().to_vec(),
         quasi: Vec::new(),
+        reweighting: None,
+        counted: None,
         failure: failure.map(|error| error.to_string()),
         parameters,
         map,

@@ -37,6 +37,7 @@ mod parameters;
 mod picture;
 mod quasi;
 mod report;
+mod reweighting;
 mod watch;
 
 pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
@@ -62,6 +63,7 @@ pub use quasi::{LocalRule, QuasiOptions, QuasiReport};
 pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, layout_report,
 };
+pub use reweighting::{LossChoice, MarkerChoice, ReweightingOptions, ReweightingReport, UpdateChoice};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};

@@ -9,7 +9,7 @@ use geom_io::LengthUnit;
 use serde::{Serialize, Serializer};
 use thb_core::{MAX_DEGREE, MAX_LEVELS, Quadrature};
 
-use crate::{Error, ParameterOptions, QuasiOptions};
+use crate::{Error, ParameterOptions, QuasiOptions, ReweightingOptions};
 
 /// Options of [`crate::fit_scan`]. The defaults need no user.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -34,6 +34,9 @@ pub struct FitOptions {
     pub degree: Pair,
     /// Elements of level 0 per direction.
     pub mesh: Pair,
+    /// Robust losses and markers.
+    #[serde(flatten)]
+    pub reweighting: ReweightingOptions,
     /// The smoothing weight.
     pub lambda: LambdaChoice,
     /// Largest distance of a point that counts as within tolerance.
@@ -77,6 +80,7 @@ impl Default for FitOptions {
             quasi: QuasiOptions::default(),
             degree: Pair([3, 3]),
             mesh: Pair([4, 4]),
+            reweighting: ReweightingOptions::default(),
             lambda: LambdaChoice::Auto,
             tol: Tolerance::Percent(0.1),
             within: 0.95,
@@ -103,6 +107,7 @@ impl FitOptions {
     pub fn check(&self) -> Result<(), Error> {
         self.parameters.check()?;
         self.quasi.check()?;
+        self.reweighting.check(self.method)?;
         let degrees = self.degree.0.iter().all(|p| (1..=MAX_DEGREE).contains(p));
         range("--degree", self.degree.to_string(), "1 to 8", degrees)?;
         range(
@@ -120,8 +125,20 @@ impl FitOptions {
         }
         range("--damping", self.damping.to_string(), "0 or more", self.damping >= 0.0 && self.damping.is_finite())?;
         self.tol.check()?;
-        if let LambdaChoice::Fixed(lambda) = self.lambda {
-            range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)?;
+        match self.lambda {
+            LambdaChoice::Auto => {}
+            LambdaChoice::Fixed(lambda) => {
+                range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)?;
+            }
+            LambdaChoice::CrossValidation | LambdaChoice::Discrepancy(_) if !self.method.begins_fixed() => {
+                let option = "--lambda gcv and --lambda discrepancy:SIGMA";
+                return Err(Error::OtherMethod { option, method: self.method.to_string() });
+            }
+            LambdaChoice::CrossValidation => {}
+            LambdaChoice::Discrepancy(noise) => {
+                let (Tolerance::Absolute(size) | Tolerance::Percent(size)) = noise;
+                range("--lambda", self.lambda.to_string(), "a positive noise", size.is_finite() && size > 0.0)?;
+            }
         }
         if let Marking::Share(share) = self.mark.0 {
             range("--mark", share.to_string(), "a share above 0, at most 1", share > 0.0 && share <= 1.0)?;
@@ -192,8 +209,7 @@ pub(crate) use named;
 named!(
     /// The fitting method.
     Method, "auto, ls, qi, a-pdm, a-tdm, a-hdm, a-qi, j-pdm or joint",
-    /// Joint, and least squares with fixed parameters instead where the joint surface leaves the points or misses the
-    /// tolerance.
+    /// Least squares with fixed parameters, then joint where that spares control points and does no harm.
     Auto = "auto",
     /// Penalized least squares with fixed parameters.
     Ls = "ls",
@@ -212,6 +228,13 @@ named!(
     /// Coefficients and parameters together by Levenberg–Marquardt steps from which the parameters are eliminated.
     Joint = "joint"
 );
+
+impl Method {
+    /// Whether points keep their parameters, at least in a first fit.
+    pub(crate) fn begins_fixed(self) -> bool {
+        matches!(self, Self::Ls | Self::Auto)
+    }
+}
 named!(
     /// What happens to points on the boundary of the parameter domain while parameters move.
     BoundaryChoice, "kept or free",
@@ -364,15 +387,21 @@ impl fmt::Display for Tolerance {
 pub enum LambdaChoice {
     /// Chosen from the data ([`Lambda::Auto`]).
     Auto,
+    /// By generalized cross-validation ([`Lambda::CrossValidation`]).
+    CrossValidation,
+    /// As large as a known noise allows ([`Lambda::Discrepancy`]).
+    Discrepancy(Tolerance),
     /// The given number.
     Fixed(f64),
 }
 
 impl LambdaChoice {
-    /// The choice for a tolerance in the units of the input.
-    pub(crate) fn resolve(self, tolerance: f64) -> Lambda {
+    /// The choice for a tolerance in the units of the input, and a diagonal.
+    pub(crate) fn resolve(self, tolerance: f64, diagonal: f64) -> Lambda {
         match self {
             Self::Auto => Lambda::Auto { tolerance },
+            Self::CrossValidation => Lambda::CrossValidation,
+            Self::Discrepancy(noise) => Lambda::Discrepancy { noise: noise.resolve(diagonal) },
             Self::Fixed(lambda) => Lambda::Fixed(lambda),
         }
     }
@@ -382,9 +411,17 @@ impl FromStr for LambdaChoice {
     type Err = ParseOptionError;
 
     fn from_str(text: &str) -> Result<Self, ParseOptionError> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            number => number.parse().map(Self::Fixed).map_err(|_| parse_error(text, "auto, or a number such as 1e-7")),
+        let wrong = || {
+            parse_error(
+                text,
+                "auto, gcv, discrepancy:SIGMA with a noise in units of the input or in percent of the diagonal, or a number such as 1e-7",
+            )
+        };
+        match (text, text.strip_prefix("discrepancy:")) {
+            ("auto", _) => Ok(Self::Auto),
+            ("gcv", _) => Ok(Self::CrossValidation),
+            (_, Some(noise)) => noise.parse().map(Self::Discrepancy).map_err(|_| wrong()),
+            _ => text.parse().map(Self::Fixed).map_err(|_| wrong()),
         }
     }
 }
@@ -393,6 +430,8 @@ impl fmt::Display for LambdaChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Auto => f.write_str("auto"),
+            Self::CrossValidation => f.write_str("gcv"),
+            Self::Discrepancy(noise) => write!(f, "discrepancy:{noise}"),
             Self::Fixed(lambda) => write!(f, "{lambda:e}"),
         }
     }

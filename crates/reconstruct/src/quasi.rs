@@ -69,7 +69,10 @@ impl QuasiOptions {
 
     fn resolve(&self, lambda: LambdaChoice, tolerance: f64) -> fit_qi::Options<2> {
         let lambda = match (lambda, self.local_lambda) {
-            (LambdaChoice::Auto, _) => LocalLambda::Automatic { tolerance },
+            // The others are refused with these methods.
+            (LambdaChoice::Auto | LambdaChoice::CrossValidation | LambdaChoice::Discrepancy(_), _) => {
+                LocalLambda::Automatic { tolerance }
+            }
             (LambdaChoice::Fixed(value), LocalRule::Constant) => LocalLambda::Constant(value),
             (LambdaChoice::Fixed(value), LocalRule::Points) => LocalLambda::PerPoint(value),
             (LambdaChoice::Fixed(value), LocalRule::Area) => LocalLambda::PerArea(value),
@@ -134,7 +137,7 @@ pub(crate) fn fit(
         tolerance: problem.tolerance,
         ..moving_param::QuasiOptions::default()
     };
-    let mut solver = MovingQuasi::new(problem.parameters, problem.points, None, local, moving)?;
+    let mut solver = MovingQuasi::new(problem.parameters, problem.points, problem.weights, local, moving)?;
     let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), &rules, observer)?;
     let parameters = solver.parameters();
     let quasi: &QuasiInterpolation<2> = solver.quasi_interpolation();
@@ -144,6 +147,8 @@ pub(crate) fn fit(
         lambda: quasi.lambda().and_then(LocalLambda::number).unwrap_or(0.0),
         quasi: QuasiReport::of(quasi.work(), &reports),
         moves: if method == Method::AQi { reports } else { Vec::new() },
+        reweighting: None,
+        counted: None,
         failure: failure.map(|error| error.to_string()),
         parameters,
         map,

@@ -10,7 +10,7 @@ use thb_core::{CellSpace, SplineMap};
 
 use crate::options::Method;
 use crate::quasi::QuasiReport;
-use crate::{Error, FitOptions, ParameterOptions, ParameterReport, Parameterized};
+use crate::{Error, FitOptions, ParameterOptions, ParameterReport, Parameterized, ReweightingReport};
 
 /// Report of one fit. Keys are added by later versions, never renamed within a schema.
 #[derive(Clone, Debug, Serialize)]
@@ -117,6 +117,9 @@ pub struct ResultReport {
     pub stop: &'static str,
     /// Whether the asked share of points is within the tolerance.
     pub reached: bool,
+    /// What came of robust losses and markers; absent without.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reweighting: Option<ReweightingReport>,
     /// For each side of the (u,v) square where it lies on the part.
     pub sides: BTreeMap<&'static str, SideReport>,
 }

@@ -2,9 +2,11 @@
 
 pub mod box_splines;
 pub mod classical;
+mod crossings;
 pub mod curves;
 mod markdown;
 pub mod parcnn;
 pub mod qi;
+pub mod rwls;
 mod shapes;
 mod voids;

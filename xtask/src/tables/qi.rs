@@ -245,17 +245,17 @@ where
 }
 
 /// Time that the process spent computing, over all threads, where the system tells it; else time that passed.
-struct Clock {
+pub(super) struct Clock {
     start: Instant,
     computed: Option<f64>,
 }
 
 impl Clock {
-    fn start() -> Self {
+    pub(super) fn start() -> Self {
         Self { start: Instant::now(), computed: computed_seconds() }
     }
 
-    fn seconds(&self) -> f64 {
+    pub(super) fn seconds(&self) -> f64 {
         match (self.computed, computed_seconds()) {
             (Some(before), Some(now)) => now - before,
             _ => self.start.elapsed().as_secs_f64(),

@@ -9,5 +9,6 @@ mod layouts;
 mod methods;
 mod models;
 mod results;
+mod reweighting;
 mod scans;
 mod usage;

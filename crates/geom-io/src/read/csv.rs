@@ -38,6 +38,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
 
     let columns = Columns::find(&fields, options)?;
     let (mut points, mut parameters, mut places, mut on_boundary) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut weights = Vec::new();
     let mut row = Vec::with_capacity(fields.len());
     while let Some(line) = next_line() {
         row.clear();
@@ -57,6 +58,13 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
         if let Some(column) = columns.boundary {
             on_boundary.push(line.coordinate(row[column])? != 0.0);
         }
+        if let Some(column) = columns.weights {
+            let value = line.coordinate(row[column])?;
+            if value < 0.0 {
+                return Err(ReadErrorKind::NegativeWeight { line: line.number, value });
+            }
+            weights.push(value);
+        }
         if let Some([i, j]) = columns.grid {
             places.push(Place {
                 i: grid_index(line, row[i])?,
@@ -73,6 +81,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
     }
     scan.notes = columns.notes;
     scan.on_boundary = columns.boundary.map(|_| on_boundary);
+    scan.weights = columns.weights.map(|_| weights);
     if !places.is_empty() {
         to_grid(&mut scan, places)?;
     }
@@ -103,6 +112,7 @@ struct Columns {
     parameters: Vec<usize>,
     grid: Option<[usize; 2]>,
     boundary: Option<usize>,
+    weights: Option<usize>,
     notes: Vec<String>,
 }
 
@@ -121,11 +131,19 @@ impl Columns {
         };
         let mut coordinates = Vec::new();
         let mut missing = Vec::new();
+        let by_number =
+            |name: &str| parse_count(name.as_bytes()).filter(|n| (1..=names.len()).contains(n)).map(|n| n - 1);
         for name in required {
-            let by_number = || parse_count(name.as_bytes()).filter(|n| (1..=names.len()).contains(n)).map(|n| n - 1);
-            match find(name)?.or_else(by_number) {
+            match find(name)?.or_else(|| by_number(name)) {
                 Some(column) => coordinates.push(column),
                 None => missing.push(name.to_owned()),
+            }
+        }
+        let mut weights = None;
+        if let Some(name) = &options.weights {
+            weights = find(name)?.or_else(|| by_number(name));
+            if weights.is_none() {
+                missing.push(name.clone());
             }
         }
         if !missing.is_empty() {
@@ -149,13 +167,14 @@ impl Columns {
                 || parameters.contains(k)
                 || grid.is_some_and(|columns| columns.contains(k))
                 || boundary == Some(*k)
+                || weights == Some(*k)
         };
         let ignored: Vec<_> = (0..names.len()).filter(|k| !used(k)).map(|k| quote(names[k])).collect();
         let notes = match ignored.is_empty() {
             true => Vec::new(),
             false => vec![format!("columns that were ignored: {}", ignored.join(", "))],
         };
-        Ok(Self { coordinates, parameters, grid, boundary, notes })
+        Ok(Self { coordinates, parameters, grid, boundary, weights, notes })
     }
 }
 
@@ -196,6 +215,7 @@ fn to_grid(scan: &mut Scan, mut places: Vec<Place>) -> Result<(), ReadErrorKind>
         scan.cloud.points = scan.cloud.points.select(ndarray::Axis(0), &order);
         scan.cloud.parameters = scan.cloud.parameters.take().map(|p| p.select(ndarray::Axis(0), &order));
         scan.on_boundary = scan.on_boundary.take().map(|labels| order.iter().map(|&row| labels[row]).collect());
+        scan.weights = scan.weights.take().map(|weights| order.iter().map(|&row| weights[row]).collect());
         scan.notes.push("rows were sorted by (i, j)".to_owned());
     }
     scan.cloud.grid = Some(GridShape { n_u, n_v });

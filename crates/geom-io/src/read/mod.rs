@@ -38,6 +38,8 @@ pub struct ReadOptions {
     pub columns: Vec<String>,
     /// Classes of a LAS or LAZ file whose points are read; empty for all.
     pub classes: Vec<u8>,
+    /// Column of a CSV file that holds the confidence in each point, a name or a number from 1 on; `None` reads none.
+    pub weights: Option<String>,
     /// Whether x and y, each from 0 to 1 over its own extent, become the parameters of points that have none.
     pub height_field: bool,
 }
@@ -52,6 +54,8 @@ pub struct Scan {
     pub triangles: Option<Vec<[u32; 3]>>,
     /// Whether each point lies on the outer boundary, where a CSV file has a column `boundary`: 0 for inside.
     pub on_boundary: Option<Vec<bool>>,
+    /// The confidence in each point, where the options name a column: 0 or more.
+    pub weights: Option<Vec<f64>>,
     /// The format that was read.
     pub format: Format,
     /// What was left out or changed, in words for a person.
@@ -64,6 +68,7 @@ impl Scan {
             cloud: PointCloud { points, parameters: None, grid: None },
             triangles: None,
             on_boundary: None,
+            weights: None,
             format,
             notes: Vec::new(),
         }
@@ -120,6 +125,12 @@ pub fn parse_scan(bytes: &[u8], format: Format, options: &ReadOptions) -> Result
             option: "columns",
             of: "XYZ and CSV",
             format: scan.format.name(),
+        });
+    }
+    if options.weights.is_some() && scan.weights.is_none() {
+        return Err(match scan.format {
+            Format::Csv => ReadErrorKind::NoNames { option: "weights" },
+            other => ReadErrorKind::OptionOfOtherFormat { option: "weights", of: "CSV", format: other.name() },
         });
     }
     if !options.classes.is_empty() && scan.format != Format::Las {

@@ -88,7 +88,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     let length = sequence.domain.1 - sequence.domain.0;
     let mut warnings = sequence.notes.clone();
     let mut fitting = fit_ls::Options {
-        lambda: options.lambda.resolve(tolerance),
+        lambda: options.lambda.resolve(tolerance, diagonal),
         lengths: [1.0 / length],
         ..fit_ls::Options::default()
     };

@@ -1,0 +1,460 @@
+//! Robust losses, markers and confidence: their options, their part of the report, and the loop with them.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use adaptive::{Deviation, Observer, Outcome, run};
+use fit_ls::{
+    Detection, Loss, MarkerRules, Markers, PointWeights, Reweighted, Reweighting, Robust, Update, detect_markers,
+};
+use ndarray::{Array1, ArrayView2, Axis};
+use point_cloud::{BoundingBox, LocalFrames};
+use serde::Serialize;
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
+
+use crate::fitting::{Fitted, Problem, least_squares_options};
+use crate::options::{Method, ParseOptionError, parse_error, range, serialize_as_typed};
+use crate::{Error, FitOptions, Tolerance};
+
+/// Elements per direction of the first fit that finds markers, as in example 3.1.9 (c) of Imperatore 2024.
+const DETECTION_ELEMENTS: usize = 15;
+
+/// Turning of the surface, in radians, between neighbouring points from which on it counts as a sharp feature.
+const SHARP: f64 = 0.35;
+
+/// Most rounds in the final space by which markers of type I are still to be met.
+const LAST_ROUNDS: usize = 30;
+
+/// Times that stray points are looked for before a fit: those found have no say about their neighbours the next time.
+const SCREENINGS: usize = 3;
+
+/// Rows that a report lists at most; the counts are those of all.
+const LISTED: usize = 1000;
+
+/// Options of reweighting.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ReweightingOptions {
+    /// The robust loss, if any.
+    pub robust: Option<LossChoice>,
+    /// Where markers come from, if there are any.
+    pub markers: Option<MarkerChoice>,
+    /// Distance below which a marker of type I is met; `None` for the tolerance.
+    pub marker_tol: Option<Tolerance>,
+    /// Distance above which a marker of type II is ignored; `None` for the tolerance.
+    pub ignore_tol: Option<Tolerance>,
+    /// How the weights of markers change.
+    pub marker_update: UpdateChoice,
+}
+
+impl ReweightingOptions {
+    /// Whether anything is asked for.
+    pub(crate) fn is_asked_for(&self) -> bool {
+        self.robust.is_some() || self.markers.is_some()
+    }
+
+    pub(crate) fn check(&self, method: Method) -> Result<(), Error> {
+        for (option, asked) in [("--robust", self.robust.is_some()), ("--markers", self.markers.is_some())] {
+            if asked && !method.begins_fixed() {
+                return Err(Error::OtherMethod { option, method: method.to_string() });
+            }
+        }
+        if let Some(LossChoice(loss)) = self.robust {
+            let in_range = loss.check().is_ok();
+            range("--robust", LossChoice(loss).to_string(), "lp:P with 1 < P ≤ 2", in_range)?;
+        }
+        if let UpdateChoice::Constant(factor) = self.marker_update {
+            let in_range = factor.is_finite() && factor > 1.0;
+            range("--marker-update", factor.to_string(), "error, or a factor above 1", in_range)?;
+        }
+        self.marker_tol.iter().chain(&self.ignore_tol).try_for_each(|tol| tol.check())
+    }
+}
+
+/// A robust loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LossChoice(pub Loss);
+
+impl FromStr for LossChoice {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+        let power = text.strip_prefix("lp:").and_then(|p| p.parse().ok());
+        Ok(Self(match (text, power) {
+            ("huber", _) => Loss::Huber,
+            ("tukey", _) => Loss::Tukey,
+            ("geman-mcclure", _) => Loss::GemanMcClure,
+            (_, Some(p)) => Loss::Power(p),
+            _ => return Err(parse_error(text, "huber, tukey, geman-mcclure, or lp:P with 1 < P ≤ 2")),
+        }))
+    }
+}
+
+impl fmt::Display for LossChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Loss::Huber => f.write_str("huber"),
+            Loss::Tukey => f.write_str("tukey"),
+            Loss::GemanMcClure => f.write_str("geman-mcclure"),
+            Loss::Power(p) => write!(f, "lp:{p}"),
+            // Losses that have no name here cannot be typed.
+            _ => f.write_str("other"),
+        }
+    }
+}
+
+/// Where markers come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum MarkerChoice {
+    /// Found by a first fit and by curvature.
+    Auto,
+    /// A file with a row and a type, I or II, in each line.
+    File(PathBuf),
+}
+
+impl FromStr for MarkerChoice {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+        match text {
+            "" => Err(parse_error(text, "auto, or the name of a file")),
+            "auto" => Ok(Self::Auto),
+            path => Ok(Self::File(path.into())),
+        }
+    }
+}
+
+impl fmt::Display for MarkerChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
+/// How the weights of markers change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum UpdateChoice {
+    /// By `1 + e / tolerance` for a marker at distance e: (3.14) of Imperatore 2024 with the marker's tolerance as its unit.
+    Error,
+    /// By a constant factor.
+    Constant(f64),
+}
+
+impl Default for UpdateChoice {
+    /// A quarter more, as in example 3.1.9 (c).
+    fn default() -> Self {
+        Self::Constant(1.25)
+    }
+}
+
+impl FromStr for UpdateChoice {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, ParseOptionError> {
+        match text {
+            "error" => Ok(Self::Error),
+            number => number.parse().map(Self::Constant).map_err(|_| parse_error(text, "error, or a factor above 1")),
+        }
+    }
+}
+
+impl fmt::Display for UpdateChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Error => f.write_str("error"),
+            Self::Constant(factor) => factor.fmt(f),
+        }
+    }
+}
+
+serialize_as_typed!(LossChoice, MarkerChoice, UpdateChoice);
+
+/// What came of weights that follow the errors. Rows are those of the file, from 0; of long lists the first thousand.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReweightingReport {
+    /// Systems that were solved, over all iterations.
+    pub rounds: usize,
+    /// Whether the weights had settled, and all markers were satisfied.
+    pub settled: bool,
+    /// Points that counted for the errors of the result.
+    pub counted: usize,
+    /// Typical size of the residuals, as a standard deviation; null without `--robust`.
+    pub scale: Option<f64>,
+    /// Points that were set aside for gross residuals.
+    pub ignored: usize,
+    /// Their rows.
+    pub ignored_rows: Vec<u32>,
+    /// Markers of type I, and how many of them were met.
+    pub markers: usize,
+    /// See `markers`.
+    pub markers_met: usize,
+    /// Rows of those that were not.
+    pub markers_missed_rows: Vec<u32>,
+    /// Markers of type II, and how many of them were ignored.
+    pub markers_to_ignore: usize,
+    /// See `markers_to_ignore`.
+    pub markers_ignored: usize,
+}
+
+impl ReweightingReport {
+    /// What happened, in a few words.
+    pub fn summary(&self) -> String {
+        let mut parts = Vec::new();
+        if let Some(scale) = self.scale {
+            parts.push(format!("{} points set aside (scale {scale:.3e})", self.ignored));
+        }
+        if self.markers + self.markers_to_ignore > 0 || parts.is_empty() {
+            let (met, ignored) = (self.markers_met, self.markers_ignored);
+            parts.push(format!(
+                "{met} of {} markers met, {ignored} of {} ignored",
+                self.markers, self.markers_to_ignore
+            ));
+        }
+        parts.join(", ")
+    }
+
+    /// What the user should know.
+    pub(crate) fn warnings(&self, points: usize) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.ignored > 0 {
+            warnings.push(format!(
+                "{} of {points} points ({:.1} %) disagree grossly with their neighbours and were set aside; their rows are \
+                 in result.reweighting.ignored_rows",
+                self.ignored,
+                100.0 * self.ignored as f64 / points as f64
+            ));
+        }
+        let missed = self.markers - self.markers_met;
+        if missed > 0 {
+            warnings.push(format!(
+                "{missed} of {} markers of type I are not met; allow more --levels, raise --marker-tol, or let their weights \
+                 grow faster by --marker-update",
+                self.markers
+            ));
+        }
+        warnings
+    }
+}
+
+/// The markers of a file: a row and a type in each line, `I` or `1` and `II` or `2`, separated by blanks, a comma or a
+/// semicolon. `#` begins a comment; the first line may name the columns.
+///
+/// # Errors
+/// [`Error::Io`], [`Error::MarkerFile`].
+pub(crate) fn read_markers(path: &Path) -> Result<Vec<(u32, bool)>, Error> {
+    let text = std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    let mut markers = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let content = line.split('#').next().unwrap_or_default();
+        let fields: Vec<&str> =
+            content.split([',', ';', ' ', '\t']).map(str::trim).filter(|field| !field.is_empty()).collect();
+        let kind = |field: &str| match field {
+            "1" | "I" | "i" => Some(true),
+            "2" | "II" | "ii" => Some(false),
+            _ => None,
+        };
+        match fields[..] {
+            [] => {}
+            [row, marker] if row.parse::<u32>().is_ok() && kind(marker).is_some() => {
+                markers.extend(row.parse().ok().zip(kind(marker)));
+            }
+            // A line of names.
+            [_, _] if markers.is_empty() && fields.iter().all(|field| field.parse::<f64>().is_err()) => {}
+            _ => {
+                let (path, text) = (path.to_owned(), line.to_owned());
+                return Err(Error::MarkerFile { path, line: number + 1, text });
+            }
+        }
+    }
+    Ok(markers)
+}
+
+/// Markers as indices of the fitted points, whose rows in the file are `rows`.
+fn markers_among(listed: &[(u32, bool)], rows: &[u32]) -> Result<Markers, Error> {
+    let largest = rows.iter().max().map_or(0, |&row| row as usize + 1);
+    let mut place = vec![None; largest];
+    rows.iter().enumerate().for_each(|(at, &row)| place[row as usize] = Some(at));
+    let mut markers = Markers::default();
+    for &(row, met) in listed {
+        let found = place.get(row as usize).copied().flatten();
+        let at = found.ok_or_else(|| Error::NoSuchPoint { option: "--markers", row: row.into() })?;
+        if met { markers.met.push(at) } else { markers.ignored.push(at) }
+    }
+    Ok(markers)
+}
+
+/// The diagonal of the box around the points that do not lie grossly off their neighbours: a few stray points should not make
+/// a tolerance in percent of it larger.
+pub(crate) fn robust_diagonal(points: ArrayView2<'_, f64>, parameters: ArrayView2<'_, f64>) -> Result<f64, Error> {
+    let rule = Robust { least_scale: 0.0, ..Robust::adaptive::<2>(Loss::Tukey, 0.0) };
+    let reweighting = Reweighting { robust: Some(rule), markers: None };
+    let mut weights = PointWeights::new::<2>(parameters, None, &reweighting)?;
+    // Residuals of the map that is zero everywhere.
+    let columns: Vec<Vec<f64>> = points.columns().into_iter().map(|column| column.to_vec()).collect();
+    for _ in 0..SCREENINGS {
+        weights.update_robust(&columns)?;
+    }
+    let kept: Vec<usize> = (0..points.nrows()).filter(|&i| !weights.gross()[i]).collect();
+    Ok(BoundingBox::of(points.select(Axis(0), &kept).view())?.diagonal())
+}
+
+/// Points where the surface turns sharply between neighbours, by local fits to the points that do not stand out.
+fn sharp(problem: &Problem<'_>, gross: &[usize]) -> Result<Vec<bool>, Error> {
+    let m = problem.points.nrows();
+    let mut sound = vec![true; m];
+    gross.iter().for_each(|&i| sound[i] = false);
+    let kept: Vec<usize> = (0..m).filter(|&i| sound[i]).collect();
+    let frames = LocalFrames::estimate(problem.points.select(Axis(0), &kept).view())?;
+    let mut flags = vec![false; m];
+    for (at, &i) in kept.iter().enumerate() {
+        let curvature = frames.curvatures[[at, 0]].abs().max(frames.curvatures[[at, 1]].abs());
+        flags[i] = curvature * frames.spacing[at] > SHARP;
+    }
+    Ok(flags)
+}
+
+/// Markers by a first fit, and of type I also where the surface turns sharply.
+fn find_markers(problem: &Problem<'_>, space: &HierarchicalSpace<2>, options: &FitOptions) -> Result<Markers, Error> {
+    let (lower, upper) = space.domain();
+    let mut knots = Vec::with_capacity(2);
+    for d in 0..2 {
+        let (degree, elements) = (options.degree.0[d], options.mesh.0[d].max(DETECTION_ELEMENTS));
+        let uniform = match space.periodic()[d] {
+            true => KnotVector::uniform_periodic(degree, elements)?,
+            false => KnotVector::uniform(degree, elements)?,
+        };
+        knots.push(uniform.on_interval(lower[d], upper[d])?);
+    }
+    let first = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots[0].clone(), knots[1].clone()])?);
+    let detection = Detection { threshold: problem.tolerance, standing_out: true, outliers: true };
+    let fitting = least_squares_options(problem, options);
+    let Problem { points, parameters, weights, .. } = *problem;
+    let mut markers = detect_markers(parameters, points, weights, &first, fitting, detection)?;
+    let sharp = sharp(problem, &markers.ignored)?;
+    let mut marked = vec![false; points.nrows()];
+    markers.met.iter().chain(&markers.ignored).for_each(|&i| marked[i] = true);
+    markers.met.extend((0..sharp.len()).filter(|&i| sharp[i] && !marked[i]));
+    markers.met.sort_unstable();
+    Ok(markers)
+}
+
+fn rules(problem: &Problem<'_>, space: &HierarchicalSpace<2>, options: &FitOptions) -> Result<Reweighting, Error> {
+    let asked = &options.reweighting;
+    let length = |tol: Option<Tolerance>| tol.map_or(problem.tolerance, |tol| tol.resolve(problem.diagonal));
+    let (met, ignored) = (length(asked.marker_tol), length(asked.ignore_tol));
+    let update = match asked.marker_update {
+        UpdateChoice::Error => Update::ErrorDriven { unit: met },
+        UpdateChoice::Constant(factor) => Update::Constant(factor),
+    };
+    let markers = match &asked.markers {
+        None => None,
+        Some(MarkerChoice::Auto) => Some(find_markers(problem, space, options)?),
+        Some(MarkerChoice::File(path)) => Some(markers_among(&read_markers(path)?, problem.rows)?),
+    };
+    Ok(Reweighting {
+        robust: asked.robust.map(|LossChoice(loss)| Robust::adaptive::<2>(loss, problem.tolerance)),
+        markers: markers.map(|markers| (markers, MarkerRules { update, ..MarkerRules::new(met, ignored) })),
+    })
+}
+
+/// Fits adaptively by least squares whose weights follow the errors, or are given.
+pub(crate) fn fit(
+    problem: &Problem<'_>,
+    space: &Arc<HierarchicalSpace<2>>,
+    options: &FitOptions,
+    limits: &adaptive::Options<2>,
+    observer: &mut dyn Observer,
+) -> Result<Fitted, Error> {
+    let fitting = least_squares_options(problem, options);
+    let rules = rules(problem, space, options)?;
+    let mut solver = Reweighted::new(problem.parameters, problem.points, problem.weights, fitting, &rules)?;
+    let Outcome { mut map, stop, failure, mut history, .. } = run(&mut solver, space.clone(), limits, observer)?;
+    let mut lambda = solver.least_squares().lambda();
+    // What a failed iteration left belongs to another space than the map.
+    solver.measure(&map)?;
+    let (mut errors, mut report, mut counted) =
+        (solver.errors().to_vec(), solver.report()?, solver.weights().counted());
+    if report.met[1] < report.met[0] {
+        // The loop has ended with markers that are not met: weigh them more in the space there is, unless that keeps others
+        // from the tolerance.
+        let last = solver.fit(map.space(), LAST_ROUNDS)?;
+        let within = |errors: &[f64], counted: &[bool]| {
+            let heard: Vec<f64> = (0..errors.len()).filter(|&i| counted[i]).map(|i| errors[i]).collect();
+            Deviation::new(&heard, limits.tolerance)
+        };
+        let now_counted = solver.weights().counted();
+        let (before, now) = (within(&errors, &counted), within(solver.errors(), &now_counted));
+        let now_report = solver.report()?;
+        if now_report.met[1] > report.met[1] && now.within >= before.within.min(limits.within) {
+            (map, errors, report, counted) = (last, solver.errors().to_vec(), now_report, now_counted);
+            lambda = solver.least_squares().lambda();
+            history.iter_mut().last().into_iter().for_each(|record| record.deviation = now);
+        }
+    }
+    let listed = |chosen: &mut dyn Iterator<Item = usize>| chosen.take(LISTED).map(|i| problem.rows[i]).collect();
+    let markers = solver.weights().markers();
+    let missed = |i: &usize| rules.markers.as_ref().is_some_and(|(_, rules)| errors[*i] >= rules.met);
+    let found = options.reweighting.is_asked_for().then(|| ReweightingReport {
+        rounds: report.rounds,
+        settled: report.settled,
+        counted: counted.iter().filter(|&&counts| counts).count(),
+        scale: report.scale,
+        ignored: report.gross.len(),
+        ignored_rows: listed(&mut report.gross.iter().copied()),
+        markers: report.met[0],
+        markers_met: report.met[1],
+        markers_missed_rows: listed(&mut markers.met.iter().copied().filter(missed)),
+        markers_to_ignore: report.ignored[0],
+        markers_ignored: report.ignored[1],
+    });
+    Ok(Fitted {
+        errors: Array1::from(errors),
+        lambda: lambda.unwrap_or(0.0),
+        parameters: problem.parameters.to_owned(),
+        failure: failure.map(|error| error.to_string()),
+        moves: Vec::new(),
+        quasi: Vec::new(),
+        reweighting: found,
+        counted: Some(counted),
+        map,
+        stop,
+        history,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_read_back_as_they_are_written() {
+        for text in ["huber", "tukey", "geman-mcclure", "lp:1.5"] {
+            assert_eq!(text.parse::<LossChoice>().unwrap().to_string(), text);
+        }
+        for text in ["error", "1.25"] {
+            assert_eq!(text.parse::<UpdateChoice>().unwrap().to_string(), text);
+        }
+        for text in ["auto", "marks.csv"] {
+            assert_eq!(text.parse::<MarkerChoice>().unwrap().to_string(), text);
+        }
+        assert!("cauchy".parse::<LossChoice>().is_err() && "lp:x".parse::<LossChoice>().is_err());
+        assert!("".parse::<MarkerChoice>().is_err());
+    }
+
+    #[test]
+    fn marker_files_are_read_line_by_line() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("marks.csv");
+        std::fs::write(&path, "row,type # first\n12,I\n\n7 2\n3;II # a scratch\n").unwrap();
+        let markers = read_markers(&path).unwrap();
+        assert_eq!(markers, [(12, true), (7, false), (3, false)]);
+        let among = markers_among(&markers, &[3, 7, 12, 20]).unwrap();
+        assert_eq!((among.met, among.ignored), (vec![2], vec![1, 0]));
+        assert!(matches!(markers_among(&markers, &[3, 7]), Err(Error::NoSuchPoint { row: 12, .. })));
+        std::fs::write(&path, "12,I\n13,III\n").unwrap();
+        assert!(matches!(read_markers(&path), Err(Error::MarkerFile { line: 2, .. })));
+    }
+}
