@@ -281,6 +281,29 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Figures 4.24 to 4.31: BIDGCN, PARGCN, UNIF, RECD and LPSP on scattered clouds. Times are meant for one thread:
+    /// RAYON_NUM_THREADS=1.
+    Bidgcn {
+        /// A folder with the public clouds of the authors in `thesis/` and the meshes `nefertiti_*.obj`; without it only
+        /// generated clouds are mapped.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// Clouds of a cell.
+        #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
+        clouds: u64,
+        /// Steps in which the published form and the ablation are trained; without, they are left out.
+        #[arg(long, value_name = "STEPS")]
+        train: Option<u64>,
+        /// The file to write, docs/results/bidgcn.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// Table 4.6: PARGCN beside UNIF, RECD and LPSP.
+    Pargcn {
+        /// The file to write, docs/results/pargcn.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
     Classical {
         /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
@@ -309,6 +332,15 @@ fn main() -> Result<()> {
                 Tables::Parcnn { data, train, out } => {
                     let missing = data.is_none().then_some("Table 4.5 needs --data DIR and was left out");
                     ("parcnn", out, missing, tables::parcnn::document(data.as_deref(), train)?)
+                }
+                Tables::Bidgcn { data, clouds, train, out } => {
+                    let missing =
+                        data.is_none().then_some("the table of real clouds needs --data DIR and was left out");
+                    let tables = tables::bidgcn::BidgcnTables { data: data.as_deref(), clouds, train };
+                    ("bidgcn", out, missing, tables::bidgcn::document(&tables, &mut |line| println!("{line}"))?)
+                }
+                Tables::Pargcn { out } => {
+                    ("pargcn", out, None, tables::pargcn::document(&mut |line| println!("{line}"))?)
                 }
                 Tables::Qi { data, out } => {
                     let missing =

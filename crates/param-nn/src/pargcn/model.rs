@@ -25,6 +25,9 @@ const RADIUS: f64 = 0.2;
 /// Points of those clouds.
 const POINTS: f64 = 264.0;
 
+/// Trained by the command in its notes.
+const EMBEDDED: &[u8] = include_bytes!("../../weights/pargcn.safetensors");
+
 /// How a cloud is mapped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PargcnOptions {
@@ -91,6 +94,14 @@ impl<T: Real> Input<T> {
 }
 
 impl Pargcn {
+    /// The network that comes with this crate.
+    ///
+    /// # Errors
+    /// As [`Pargcn::load`]; none if the crate was built from an undamaged file.
+    pub fn embedded() -> Result<Self, NnError> {
+        Self::load(EMBEDDED)
+    }
+
     /// A network from the bytes of a weights file.
     ///
     /// # Errors
