@@ -284,8 +284,8 @@ enum Tables {
     /// Figures 4.24 to 4.31: BIDGCN, PARGCN, UNIF, RECD and LPSP on scattered clouds. Times are meant for one thread:
     /// RAYON_NUM_THREADS=1.
     Bidgcn {
-        /// A folder with the public clouds of the authors in `thesis/` and the meshes `nefertiti_*.obj`; without it only
-        /// generated clouds are mapped.
+        /// A folder with the public clouds of the authors in `thesis/`, the meshes `nefertiti_*.obj` and raw scans; without
+        /// it only generated clouds are mapped.
         #[arg(long)]
         data: Option<PathBuf>,
         /// Clouds of a cell.

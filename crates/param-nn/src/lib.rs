@@ -38,3 +38,8 @@ pub use train::{
 
 // Named so that its feature `x86-v4` reaches the products of candle.
 use gemm as _;
+
+/// The code of the book's page on clouds, as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/src/learned-clouds.md")]
+struct Book;

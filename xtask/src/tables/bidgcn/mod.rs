@@ -1,5 +1,6 @@
 //! BIDGCN: Figures 4.24 to 4.31 of Imperatore 2024 as tables.
 
+mod guarded;
 mod real;
 mod synthetic;
 mod text;
@@ -14,7 +15,7 @@ use super::mapped::{CLASSICAL, Method};
 /// What is computed.
 #[derive(Clone, Copy, Debug)]
 pub struct BidgcnTables<'a> {
-    /// A folder with the clouds of the authors that are public, in `thesis/`, and meshes of Nefertiti.
+    /// A folder with the clouds of the authors that are public, in `thesis/`, meshes of Nefertiti, and raw scans.
     pub data: Option<&'a Path>,
     /// Clouds of a cell.
     pub clouds: u64,
@@ -35,7 +36,10 @@ pub fn document(options: &BidgcnTables<'_>, tell: &mut dyn FnMut(&str)) -> Resul
         None => text += "\n## The published form, and the ablation\n\nLeft out: `--train STEPS` was not given.\n",
     }
     match options.data {
-        Some(folder) => text += &real::tables(&networks, folder, tell)?,
+        Some(folder) => {
+            text += &real::tables(&networks, folder, tell)?;
+            text += &guarded::tables(folder, tell)?;
+        }
         None => text += "\n## Real clouds\n\nLeft out: `--data DIR` was not given.\n",
     }
     Ok(text)

@@ -16,7 +16,7 @@ use crate::tables::markdown::{figure, table};
 use crate::tables::parcnn::fitting::{elements, fit};
 
 /// Clouds with parameters of their own, and meshes.
-const WITH_PARAMETERS: [(&str, &str); 5] = [
+pub(super) const WITH_PARAMETERS: [(&str, &str); 5] = [
     ("Nefertiti", "thesis/nefertiti_v9000_boundary_correction.xml"),
     ("Nefertiti, bust", "thesis/nefertiti_up.xml"),
     ("face", "thesis/face_v9000.xml"),
