@@ -82,6 +82,6 @@ What `thb fit CLOUD --tol 0.5%` makes of clouds without triangles or parameters,
 are asked for the parameters of all points (where the classical map has folds) and of 2000 well-spread ones, which a smooth map
 of the square carries to all; of these, and of points half and a quarter of the way to them, the best is taken that folds no
 more triangles than the classical map, if its coarse quick fit is no worse, its fine one leaves at most 0.9 of the error, and no
-larger void appears. Ratios are those of the best candidate's errors to the classical ones; a dash: all fold more. The clouds
+larger void appears; a fine fit has at most 32 × 32 elements, a coarse one half as many. Ratios are those of the best candidate's errors to the classical ones; a dash: all fold more. The clouds
 are those of the table above and raw scans. Seconds of one core are for the whole fit.
 ";
