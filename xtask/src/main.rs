@@ -298,8 +298,11 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
-    /// Table 4.6: PARGCN beside UNIF, RECD and LPSP.
+    /// Tables 4.6 to 4.8: PARGCN beside UNIF, RECD and LPSP.
     Pargcn {
+        /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
+        #[arg(long)]
+        data: Option<PathBuf>,
         /// The file to write, docs/results/pargcn.md by default.
         #[arg(long)]
         out: Option<PathBuf>,
@@ -339,8 +342,10 @@ fn main() -> Result<()> {
                     let tables = tables::bidgcn::BidgcnTables { data: data.as_deref(), clouds, train };
                     ("bidgcn", out, missing, tables::bidgcn::document(&tables, &mut |line| println!("{line}"))?)
                 }
-                Tables::Pargcn { out } => {
-                    ("pargcn", out, None, tables::pargcn::document(&mut |line| println!("{line}"))?)
+                Tables::Pargcn { data, out } => {
+                    let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
+                    let text = tables::pargcn::document(data.as_deref(), &mut |line| println!("{line}"))?;
+                    ("pargcn", out, missing, text)
                 }
                 Tables::Qi { data, out } => {
                     let missing =

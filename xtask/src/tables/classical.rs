@@ -32,7 +32,7 @@ pub(super) const SEED: u64 = 46;
 pub(super) const CLOUDS: u64 = 100;
 
 /// Random subsets of a real cloud; the text has one.
-const SUBSETS: u64 = 20;
+pub(super) const SUBSETS: u64 = 20;
 
 /// Smoothing weight of the B-spline fits of Table 4.8; the text has "penalized" and no number, its other fits 1e-6 to 1e-8.
 const LAMBDA: f64 = 1e-6;
@@ -52,7 +52,7 @@ pub(super) const TABLE_6: [[[f64; 4]; 3]; 4] = [
 ];
 
 /// Printed in Table 4.7: (MSE, DHD) of RECD and LPSP in each degree.
-const TABLE_7: [[[f64; 2]; 2]; 4] = [
+pub(super) const TABLE_7: [[[f64; 2]; 2]; 4] = [
     [[6.80e-4, 4.02e-2], [1.32e-4, 3.39e-2]],
     [[2.55e-4, 4.73e-2], [4.10e-4, 2.39e-2]],
     [[1.74e-4, 3.20e-2], [2.27e-5, 1.39e-2]],
@@ -60,7 +60,7 @@ const TABLE_7: [[[f64; 2]; 2]; 4] = [
 ];
 
 /// Printed in Table 4.8: (MSE, DHD) of the patch, (MSE, DHD) of the B-spline; RECD and LPSP in each degree.
-const TABLE_8: [[[f64; 4]; 2]; 4] = [
+pub(super) const TABLE_8: [[[f64; 4]; 2]; 4] = [
     [[3.54e-3, 1.71e-1, 2.68e-4, 8.65e-2], [1.55e-3, 1.55e-1, 8.43e-5, 3.32e-2]],
     [[2.25e-3, 1.28e-1, 2.42e-4, 7.98e-2], [7.10e-4, 1.10e-1, 8.97e-5, 3.52e-2]],
     [[1.71e-3, 1.24e-1, 2.43e-4, 7.91e-2], [4.30e-4, 9.96e-2, 8.13e-5, 3.40e-2]],
@@ -151,7 +151,7 @@ pub(super) fn patch_errors(parameters: &Array2<f64>, points: &Array2<f64>, degre
 }
 
 /// MSE, averaged over the coordinates, and DHD of a penalized B-spline.
-fn spline_errors(parameters: &Array2<f64>, points: &Array2<f64>, degree: usize) -> Result<(f64, f64)> {
+pub(super) fn spline_errors(parameters: &Array2<f64>, points: &Array2<f64>, degree: usize) -> Result<(f64, f64)> {
     let options = Options { lambda: Lambda::Fixed(LAMBDA), ..Options::default() };
     let mut fit = LeastSquares::new(parameters.view(), points.view(), None, options)?;
     let surface = fit.fit(&Arc::new(space(degree, ELEMENTS)?))?;
@@ -214,7 +214,7 @@ fn clouds_kept(errors: &RealErrors) -> String {
 }
 
 /// A measured cloud with parameters, in the unit cube.
-struct RealCloud {
+pub(super) struct RealCloud {
     points: Array2<f64>,
     parameters: Array2<f64>,
     interior: Vec<usize>,
@@ -222,7 +222,7 @@ struct RealCloud {
 }
 
 impl RealCloud {
-    fn read(path: &Path) -> Result<Self> {
+    pub(super) fn read(path: &Path) -> Result<Self> {
         let scan = read_scan(path, &ReadOptions::default())?;
         let parameters = scan.cloud.parameters.with_context(|| format!("{} has no parameters", path.display()))?;
         let points = Normalization::of(scan.cloud.points.view())?.apply(scan.cloud.points.view())?;
@@ -255,7 +255,7 @@ impl RealCloud {
         Ok(errors)
     }
 
-    fn subset(&self, interior: usize, boundary: usize, index: u64) -> Result<ScatteredCloud> {
+    pub(super) fn subset(&self, interior: usize, boundary: usize, index: u64) -> Result<ScatteredCloud> {
         let mut random = stream(SEED, index);
         let is_corner = |&row: &usize| self.parameters.row(row).iter().all(|&x| x == 0.0 || x == 1.0);
         let (mut kept, mut others): (Vec<usize>, Vec<usize>) = self.boundary.iter().copied().partition(is_corner);
