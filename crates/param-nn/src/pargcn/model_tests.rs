@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::synthetic::{ControlPoints, ScatteredSpec, stream, uniform_rotation};
-use crate::{PargcnTrainOptions, PargcnTrainer};
+use crate::{PargcnTrainOptions, PargcnTrainer, Score, Validation};
 
 fn untrained(form: PargcnForm) -> Pargcn {
     PargcnTrainer::new(PargcnTrainOptions { form, steps: 1, rate: 1e-3, seed: 4 }).network("test")
@@ -14,6 +14,17 @@ fn cloud(interior: usize) -> (Array2<f64>, Vec<u32>, Array2<f64>) {
     let boundary: Vec<u32> = (interior as u32..sample.points.nrows() as u32).collect();
     let parameters = Array2::from_shape_fn((boundary.len(), 2), |(i, k)| sample.parameters[[interior + i, k]]);
     (sample.points, boundary, parameters)
+}
+
+#[test]
+fn the_embedded_network_is_better_than_lpsp() {
+    let network = Pargcn::embedded().unwrap();
+    assert_eq!((network.weights(), network.form()), (80_641, PargcnForm::Guided));
+    let scores = Validation::small(78, 4).unwrap().pargcn_scores(&network);
+    scores.iter().for_each(|score| assert!(score.parameter_error < 0.07 && score.mse < 2e-4, "{score:?}"));
+    // Clouds of §4.3.4, and noise; on heights without noise LPSP is better.
+    let sum = |of: fn(&Score) -> f64| scores.iter().filter(|s| s.kind != "200, heights").map(of).sum::<f64>();
+    assert!(sum(|s| s.mse) < 0.95 * sum(|s| s.lpsp), "{scores:?}");
 }
 
 #[test]
