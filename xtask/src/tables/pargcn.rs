@@ -138,6 +138,9 @@ elements.
 
 ";
 
+/// Place of the network without its correction among the methods of Table 4.6.
+const OURS: usize = 4;
+
 fn table_6(network: &Pargcn, control_points: ControlPoints) -> Result<String> {
     let start = PargcnTrainOptions { form: PargcnForm::Guided, steps: 0, rate: 0.0, seed: 0 };
     let untrained = PargcnTrainer::new(start).network("");
@@ -152,6 +155,7 @@ fn table_6(network: &Pargcn, control_points: ControlPoints) -> Result<String> {
         ("PARGCN, corrected", Method::Pargcn(network, corrected)),
     ];
     let mut rows = Vec::new();
+    let (mut below_printed, mut below_lpsp) = (0, 0);
     for (degree, (classical, learned)) in DEGREES.into_iter().zip(TABLE_6.into_iter().zip(PRINTED)) {
         let mut cells = [[Errors::default(); 2]; 6];
         for (n, noise) in [0.0, 1e-2].into_iter().enumerate() {
@@ -166,6 +170,11 @@ fn table_6(network: &Pargcn, control_points: ControlPoints) -> Result<String> {
                 }
             }
         }
+        for n in 0..2 {
+            let [lpsp, ours] = [2, OURS].map(|method| cells[method][n].mean()[0]);
+            below_printed += u32::from(ours <= learned[2 * n]);
+            below_lpsp += u32::from(ours <= lpsp);
+        }
         let [unif, recd, lpsp] = classical;
         for ((cell, (name, _)), printed) in cells.iter().zip(methods).zip([unif, recd, lpsp, learned, learned, learned])
         {
@@ -178,7 +187,11 @@ fn table_6(network: &Pargcn, control_points: ControlPoints) -> Result<String> {
     }
     let header = ["", "exact MSE, printed", "ours", "factor", "exact DHD, printed", "ours", "factor"];
     let noisy = ["noisy MSE, printed", "ours", "factor", "noisy DHD, printed", "ours", "factor"];
-    Ok(table(&[&header[..], &noisy].concat(), &rows))
+    Ok(format!(
+        "{}\nMSE of PARGCN, not corrected: at most the printed one in {below_printed} of 8 cells, at most that of our LPSP in \
+         {below_lpsp}.\n",
+        table(&[&header[..], &noisy].concat(), &rows)
+    ))
 }
 
 fn introduction(network: &Pargcn) -> String {

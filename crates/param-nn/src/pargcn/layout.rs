@@ -22,7 +22,7 @@ pub enum PargcnForm {
     /// As published (Imperatore 2024, §4.2).
     Published,
     /// The same 80,641 weights. Points are turned into the frame of the boundary; offsets are measured in radii, so that
-    /// clouds of any size look alike; and the logits are added to those of weights of largest entropy that reproduce plane
+    /// clouds of any size look alike, and logits lean less in denser ones; and the logits are added to those of weights of largest entropy that reproduce plane
     /// clouds, so that an untrained network is a good map already.
     Guided,
 }

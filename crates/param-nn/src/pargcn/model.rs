@@ -64,6 +64,9 @@ pub(crate) struct Input<T> {
     pub(crate) features: Vec<T>,
     /// What the logits are added to; empty in the published form.
     pub(crate) prior: Vec<f64>,
+    /// Factor of the logits. Weights that lean to one side by δ shift parameters like a drift of δ times the radius, against a
+    /// diffusion of the radius squared: for the same map, denser clouds must lean less, in proportion to the radius.
+    pub(crate) gain: f64,
 }
 
 impl<T: Real> Input<T> {
@@ -82,12 +85,13 @@ impl<T: Real> Input<T> {
             }
         }
         let prior = if guided { prior::logits(&graph, &points) } else { Vec::new() };
-        Ok(Self { graph, features, prior })
+        let gain = if guided { (graph.radius / RADIUS).min(1.0) } else { 1.0 };
+        Ok(Self { graph, features, prior, gain })
     }
 
     /// Weights of the edges from the logits of the network.
     pub(crate) fn weights(&self, logits: &[T]) -> Vec<f64> {
-        let mut logits: Vec<f64> = logits.iter().map(|x| x.to_f64()).collect();
+        let mut logits: Vec<f64> = logits.iter().map(|x| self.gain * x.to_f64()).collect();
         logits.iter_mut().zip(&self.prior).for_each(|(l, p)| *l += p);
         softmax(&self.graph, &logits)
     }

@@ -162,7 +162,7 @@ fn loss_gradient<T: crate::real::Real>(
     };
     let (_, by_weights) = solve(&input.graph, &weights, cloud.boundary_uv(), by_parameters)?;
     let by_logits = softmax_backward(&input.graph, &weights, &by_weights);
-    let by_logits: Vec<T> = by_logits.into_iter().map(T::from_f64).collect();
+    let by_logits: Vec<T> = by_logits.into_iter().map(|x| T::from_f64(input.gain * x)).collect();
     let gradient = tape.map_or_else(Vec::new, |tape| backward(layout, theta, &input.graph, &tape, &by_logits));
     Ok((mse, gradient))
 }
