@@ -85,7 +85,14 @@ impl PargcnTrainer {
     pub fn step(&mut self) -> Result<StepReport, NnError> {
         let step = self.state.steps();
         let (cloud, degree) = self.draw(step)?;
-        let (mse, gradient) = loss_gradient(&self.layout, &self.state.theta, self.options.form, &cloud, degree)?;
+        let (mse, gradient) = loss_gradient(
+            &self.layout,
+            &self.state.theta,
+            self.options.form,
+            &PargcnOptions::default(),
+            &cloud,
+            degree,
+        )?;
         let progress = step as f64 / self.options.steps.max(1) as f64;
         self.state.advance(mse, &gradient, cosine_rate(self.options.rate, step, progress))
     }
@@ -141,10 +148,11 @@ fn loss_gradient<T: crate::real::Real>(
     layout: &Layout,
     theta: &[T],
     form: PargcnForm,
+    options: &PargcnOptions,
     cloud: &Cloud,
     degree: usize,
 ) -> Result<(f64, Vec<T>), NnError> {
-    let mut input = Input::<T>::new(cloud, form, &PargcnOptions::default())?;
+    let mut input = Input::<T>::new(cloud, form, options)?;
     let (logits, tape) = forward(layout, theta, &input.graph, std::mem::take(&mut input.features), true);
     let weights = input.weights(&logits);
     let mut mse = 0.0;
@@ -180,13 +188,16 @@ mod tests {
     #[test]
     fn the_gradient_of_the_loss_agrees_with_differences() {
         let layout = Layout::new();
-        let spec = ScatteredSpec { control_points: ControlPoints::Jittered, degree: 2, interior: 40, noise: 0.0 };
+        let spec = ScatteredSpec { control_points: ControlPoints::Jittered, degree: 2, interior: 120, noise: 0.0 };
         let cloud = Cloud::of_sample(&spec.sample(&mut stream(6, 0)).unwrap());
+        let options = PargcnOptions { radius: Some(0.1), neighbours: 8, ..PargcnOptions::default() };
+        let input = Input::<f64>::new(&cloud, PargcnForm::Guided, &options).unwrap();
+        assert!(input.gain < 1.0, "{}", input.gain);
         for form in [PargcnForm::Published, PargcnForm::Guided] {
             let mut theta: Vec<f64> = initial_weights(layout.slots(), 2).into_iter().map(f64::from).collect();
-            let (_, gradient) = loss_gradient(&layout, &theta, form, &cloud, 2).unwrap();
+            let (_, gradient) = loss_gradient(&layout, &theta, form, &options, &cloud, 2).unwrap();
             let loss = |theta: &[f64]| {
-                let mse = loss_gradient(&layout, theta, form, &cloud, 2).unwrap().0;
+                let mse = loss_gradient(&layout, theta, form, &options, &cloud, 2).unwrap().0;
                 if form == PargcnForm::Guided { (mse + FLOOR).sqrt() } else { mse }
             };
             let largest = gradient.iter().fold(0.0f64, |m, g| m.max(g.abs()));
