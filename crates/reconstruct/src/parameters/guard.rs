@@ -71,8 +71,7 @@ const FIT_ELEMENTS: usize = 32;
 const POINTS_PER_FUNCTION: usize = 8;
 
 /// The error of the finer fit must fall at least to this share, and that of the coarser one must not grow. A coarse fit alone
-/// says nothing of fine tolerances: with a fifth less error at 16 × 16 elements and 3 % at 32 × 32, adaptive fits of two
-/// busts needed 30 % fewer control points for coarse tolerances, and up to 7 % more for fine ones.
+/// says nothing of fine tolerances, and gains of a few percent in a quick fit say nothing of an adaptive one.
 const GAIN: f64 = 0.9;
 
 /// A candidate whose error is within this factor of the classical one is refined (see [`refine_injective`]) and tried once more.
