@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use param_nn::{
-    Architecture, Form, GridTrainOptions, GridTrainer, GriddedSpec, Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions,
-    Trainer, Variant,
+    Architecture, Form, GridTrainOptions, GridTrainer, GriddedSpec, PargcnForm, PargcnTrainOptions, PargcnTrainer,
+    Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions, Trainer, Variant,
 };
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
 use xtask::generate::{fixtures, gridded, scattered};
-use xtask::train::Run;
+use xtask::train::{Run, Training};
 use xtask::{tables, tidy, workspace_root};
 
 /// Chores of the repository.
@@ -119,33 +119,68 @@ enum Train {
     /// PARCNN, which parameterizes point sequences and grids. Run it in one thread: RAYON_NUM_THREADS=1.
     Parcnn(ParcnnArguments),
     /// BIDGCN, which parameterizes scattered clouds. Run it in one thread: RAYON_NUM_THREADS=1.
-    Bidgcn {
-        /// Steps, one cloud each.
-        #[arg(long)]
-        steps: u64,
-        /// Largest learning rate.
-        #[arg(long, default_value_t = 3e-3)]
-        rate: f64,
-        /// Seed of weights and clouds.
-        #[arg(long, default_value_t = 0)]
-        seed: u64,
-        /// The form as published: points are not turned into the frame of the boundary.
-        #[arg(long)]
-        plain: bool,
-        /// The ablation without the boundary-informed input layer (DGCNN).
-        #[arg(long)]
-        ablation: bool,
-        /// The folder of the run: checkpoint, weights, log and curve.
-        #[arg(long)]
-        out: PathBuf,
-        /// Go on from the checkpoint in the folder; rate, seed and form are then taken from it. With other `steps` the
-        /// rate goes on along the curve of the new length.
-        #[arg(long)]
-        resume: bool,
-        /// Minutes between checkpoints.
-        #[arg(long, default_value_t = 3.0)]
-        minutes: f64,
-    },
+    Bidgcn(ScatteredArguments),
+    /// DGCNN: BIDGCN without the boundary-informed input layer. Run it in one thread: RAYON_NUM_THREADS=1.
+    Dgcnn(ScatteredArguments),
+    /// PARGCN, which weighs the neighbours of scattered points. Run it in one thread: RAYON_NUM_THREADS=1.
+    Pargcn(ScatteredArguments),
+}
+
+/// What the trainings on scattered clouds are told.
+#[derive(clap::Args)]
+struct ScatteredArguments {
+    /// Steps, one cloud each.
+    #[arg(long)]
+    steps: u64,
+    /// Largest learning rate; 3e-3 by default, 1e-3 for PARGCN.
+    #[arg(long)]
+    rate: Option<f64>,
+    /// Seed of weights and clouds.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// The form as published: points are not turned into the frame of the boundary, and PARGCN is not guided.
+    #[arg(long)]
+    plain: bool,
+    /// The folder of the run: checkpoint, weights, log and curve.
+    #[arg(long)]
+    out: PathBuf,
+    /// Go on from the checkpoint in the folder; rate, seed and form are then taken from it. With other `steps` the
+    /// rate goes on along the curve of the new length.
+    #[arg(long)]
+    resume: bool,
+    /// Minutes between checkpoints.
+    #[arg(long, default_value_t = 3.0)]
+    minutes: f64,
+}
+
+impl ScatteredArguments {
+    fn run<T: Training>(self, network: &str, rate: f64, options: impl Fn(&Self, f64) -> T::Options) -> Run<T> {
+        let rate = self.rate.unwrap_or(rate);
+        let flag = if self.plain { " --plain" } else { "" };
+        let command =
+            format!("cargo xtask train {network} --steps {} --rate {rate} --seed {}{flag}", self.steps, self.seed);
+        let options = options(&self, rate);
+        Run { options, out: self.out, resume: self.resume, minutes: self.minutes, patience: None, command }
+    }
+
+    fn message_passing(self, variant: Variant) -> Run<Trainer> {
+        self.run(variant.name(), 3e-3, |Self { steps, seed, plain, .. }, rate| TrainOptions {
+            variant,
+            frame: !plain,
+            steps: *steps,
+            rate,
+            seed: *seed,
+        })
+    }
+
+    fn pargcn(self) -> Run<PargcnTrainer> {
+        self.run("pargcn", 1e-3, |Self { steps, seed, plain, .. }, rate| PargcnTrainOptions {
+            form: if *plain { PargcnForm::Published } else { PargcnForm::Guided },
+            steps: *steps,
+            rate,
+            seed: *seed,
+        })
+    }
 }
 
 /// What `train parcnn` is told.
@@ -270,6 +305,32 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Figures 4.24 to 4.31: BIDGCN, PARGCN, UNIF, RECD and LPSP on scattered clouds. Times are meant for one thread:
+    /// RAYON_NUM_THREADS=1.
+    Bidgcn {
+        /// A folder with the public clouds of the authors in `thesis/`, the meshes `nefertiti_*.obj` and raw scans; without
+        /// it only generated clouds are mapped.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// Clouds of a cell.
+        #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
+        clouds: u64,
+        /// Steps in which the published form and the ablation are trained; without, they are left out.
+        #[arg(long, value_name = "STEPS")]
+        train: Option<u64>,
+        /// The file to write, docs/results/bidgcn.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// Tables 4.6 to 4.8: PARGCN beside UNIF, RECD and LPSP.
+    Pargcn {
+        /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The file to write, docs/results/pargcn.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tables 4.6 to 4.8: UNIF, RECD and LPSP on scattered clouds.
     Classical {
         /// A folder with the public clouds of the authors in `thesis/`; without it only generated clouds are mapped.
@@ -286,20 +347,29 @@ fn main() -> Result<()> {
     let root = workspace_root();
     match Arguments::parse() {
         Arguments::Train(Train::Parcnn(arguments)) => arguments.run().train(|line| println!("{line}"))?,
-        Arguments::Train(Train::Bidgcn { steps, rate, seed, plain, ablation, out, resume, minutes }) => {
-            let variant = if ablation { Variant::Dgcnn } else { Variant::Bidgcn };
-            let options = TrainOptions { variant, frame: !plain, steps, rate, seed };
-            let flags = [(plain, " --plain"), (ablation, " --ablation")];
-            let flags: String = flags.into_iter().filter_map(|(set, flag)| set.then_some(flag)).collect();
-            let command = format!("cargo xtask train bidgcn --steps {steps} --rate {rate} --seed {seed}{flags}");
-            let run = Run::<Trainer> { options, out, resume, minutes, patience: None, command };
-            run.train(|line| println!("{line}"))?;
+        Arguments::Train(Train::Bidgcn(arguments)) => {
+            arguments.message_passing(Variant::Bidgcn).train(|line| println!("{line}"))?;
         }
+        Arguments::Train(Train::Dgcnn(arguments)) => {
+            arguments.message_passing(Variant::Dgcnn).train(|line| println!("{line}"))?;
+        }
+        Arguments::Train(Train::Pargcn(arguments)) => arguments.pargcn().train(|line| println!("{line}"))?,
         Arguments::Tables(tables) => {
             let (page, out, missing, text) = match tables {
                 Tables::Parcnn { data, train, out } => {
                     let missing = data.is_none().then_some("Table 4.5 needs --data DIR and was left out");
                     ("parcnn", out, missing, tables::parcnn::document(data.as_deref(), train)?)
+                }
+                Tables::Bidgcn { data, clouds, train, out } => {
+                    let missing =
+                        data.is_none().then_some("the table of real clouds needs --data DIR and was left out");
+                    let tables = tables::bidgcn::BidgcnTables { data: data.as_deref(), clouds, train };
+                    ("bidgcn", out, missing, tables::bidgcn::document(&tables, &mut |line| println!("{line}"))?)
+                }
+                Tables::Pargcn { data, out } => {
+                    let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
+                    let text = tables::pargcn::document(data.as_deref(), &mut |line| println!("{line}"))?;
+                    ("pargcn", out, missing, text)
                 }
                 Tables::Qi { data, out } => {
                     let missing =

@@ -6,8 +6,8 @@ use clap::{Args, Parser, Subcommand};
 use reconstruct::{
     BlendChoice, BoundaryChoice, Clean, Closed, ClosedChoice, CornerChoice, Crop, CurveOptions, CurveParameters,
     Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule,
-    LossChoice, Mark, MarkerChoice, Method, Pair, ParameterChoice, ParameterOptions, QuasiOptions, RadiusChoice,
-    ReadOptions, Refine, ReweightingOptions, SideRule, Tolerance, UpdateChoice,
+    LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions, QuasiOptions,
+    RadiusChoice, ReadOptions, Refine, ReweightingOptions, SideRule, Tolerance, UpdateChoice,
 };
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
@@ -449,9 +449,9 @@ pub(crate) struct LayoutArgs {
     #[arg(long, value_name = "GRID", help_heading = "How it is cleaned")]
     mask: Option<PathBuf>,
 
-    /// Parameters: auto, given, chord, centripetal, parcnn, uniform, mean-value, recd, lpsp, bidgcn. auto takes those of the file, else maps
-    /// the mesh with mean-value weights, else goes by chord length along the grid, else spans a mesh over the cloud. uniform,
-    /// recd and lpsp lay out a cloud by its boundary and weights of neighbours. parcnn (grids) and bidgcn (clouds) are networks.
+    /// Parameters: auto, given, chord, centripetal, parcnn, uniform, mean-value, recd, lpsp, pargcn, bidgcn. auto takes those of the file, else maps
+    /// the mesh with mean-value weights, else goes by chord length along the grid, else spans a mesh over the cloud and asks networks beside. uniform,
+    /// recd and lpsp lay out a cloud by its boundary and weights of neighbours. parcnn (grids), pargcn and bidgcn (clouds) are networks.
     #[arg(long, default_value_t = ParameterOptions::default().param, help_heading = "How it is laid out")]
     param: ParameterChoice,
     /// Parameter domain: unit (parameters of the file must lie between 0 and 1) or data (the box of the parameters; a fixed
@@ -480,6 +480,10 @@ pub(crate) struct LayoutArgs {
     /// Refine maps of meshes towards less distortion: auto (where they are stretched in places, but not on the whole), on or off.
     #[arg(long, default_value_t = ParameterOptions::default().refine, help_heading = "How it is laid out")]
     refine: Refine,
+    /// Ask networks beside the map of a cloud that is laid out by its shape, and take their parameters where they are better:
+    /// on or off.
+    #[arg(long, default_value_t = ParameterOptions::default().networks, help_heading = "How it is laid out")]
+    networks: Networks,
     /// Points laid out at once: a cloud of more than three times as many goes through a well-spread subset of this size.
     #[arg(long, default_value_t = ParameterOptions::default().subset, value_name = "N", help_heading = "How it is laid out")]
     subset: usize,
@@ -502,6 +506,7 @@ impl LayoutArgs {
             side_rule: self.side_rule,
             radius: self.radius,
             refine: self.refine,
+            networks: self.networks,
             subset: self.subset,
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! - Point sequences and grids: [`sequence_parameters`] and [`grid_parameters`], [`Parcnn`] for other weights,
 //!   [`GridTrainer`] for making them.
-//! - Scattered clouds with known boundary: [`Bidgcn`], and [`Trainer`] for its weights.
+//! - Scattered clouds with known boundary: [`Bidgcn`], and [`Trainer`] for its weights; [`Pargcn`], and [`PargcnTrainer`].
 //! - Synthetic clouds with known parameters: [`ScatteredSpec`], [`GriddedSpec`].
 //! - Least squares with one Bézier patch, the yardstick of all networks: [`BezierFit`].
 //!
@@ -15,6 +15,7 @@ mod error;
 mod graph;
 mod gridded;
 mod parcnn;
+mod pargcn;
 mod real;
 mod slots;
 mod synthetic;
@@ -28,11 +29,17 @@ pub use parcnn::{
     Architecture, ComparisonNetwork, Form, LARGEST_GRID, Parcnn, SHIPPED_FORM, SplineSpace, grid_parameters,
     sequence_parameters,
 };
+pub use pargcn::{Pargcn, PargcnForm, PargcnOptions};
 pub use synthetic::{ControlPoints, ScatteredCloud, ScatteredSpec, stream};
 pub use train::{
-    Comparison, GridScore, GridTrainOptions, GridTrainer, GridValidation, Recipe, Score, StepReport, TrainOptions,
-    Trainer, Validation,
+    Comparison, GridScore, GridTrainOptions, GridTrainer, GridValidation, PargcnTrainOptions, PargcnTrainer, Recipe,
+    Score, StepReport, TrainOptions, Trainer, Validation,
 };
 
 // Named so that its feature `x86-v4` reaches the products of candle.
 use gemm as _;
+
+/// The code of the book's page on clouds, as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/src/learned-clouds.md")]
+struct Book;

@@ -52,6 +52,7 @@ pub use neighbours::Neighbours;
 pub use order_loop::{loop_length, order_loop};
 pub use orient::orient_consistently;
 pub use pieces::{Pieces, SubMesh, drop_unreferenced, largest_piece, unreferenced_vertices};
+pub use quadric::{PrincipalAxes, principal_axes};
 pub use repair::{LargestDisk, largest_disk};
 pub use search::{CloudTree, Neighbour};
 pub use thin::{Thinned, spread_subset, thin};

@@ -1,16 +1,18 @@
 //! Principal axes and quadrics of a handful of points.
 
 /// Centre and principal axes of points.
-pub(crate) struct PrincipalAxes {
-    pub(crate) centre: [f64; 3],
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PrincipalAxes {
+    /// The mean of the points.
+    pub centre: [f64; 3],
     /// Variances along the axes, smallest first.
-    pub(crate) variances: [f64; 3],
+    pub variances: [f64; 3],
     /// Unit directions of the axes, in the order of the variances.
-    pub(crate) directions: [[f64; 3]; 3],
+    pub directions: [[f64; 3]; 3],
 }
 
-/// The principal axes of `points`.
-pub(crate) fn principal_axes(points: &[[f64; 3]]) -> PrincipalAxes {
+/// The principal axes of `points`; those of no point are the coordinate axes.
+pub fn principal_axes(points: &[[f64; 3]]) -> PrincipalAxes {
     let scale = 1.0 / points.len().max(1) as f64;
     let mut centre = [0.0; 3];
     for p in points {

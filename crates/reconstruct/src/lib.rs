@@ -53,10 +53,11 @@ pub use options::{
 };
 pub use output::{OutputPaths, write_outputs, write_parameters, write_report, write_text};
 pub use parameter_options::{
-    Clean, Closed, Crop, Domain, GivenCorners, ParameterChoice, ParameterOptions, RadiusChoice, Refine, SideRule,
+    Clean, Closed, Crop, Domain, GivenCorners, Networks, ParameterChoice, ParameterOptions, RadiusChoice, Refine,
+    SideRule,
 };
 pub use parameters::{
-    HoleReport, ParameterReport, Parameterized, Stretch, VoidReport, parameterize, parameterize_file,
+    HoleReport, NetworkReport, ParameterReport, Parameterized, Stretch, VoidReport, parameterize, parameterize_file,
 };
 pub use picture::draw_parameters;
 pub use quasi::{LocalRule, QuasiOptions, QuasiReport};

@@ -41,6 +41,8 @@ pub struct ParameterOptions {
     pub radius: RadiusChoice,
     /// Whether maps of meshes are refined towards less distortion.
     pub refine: Refine,
+    /// Whether networks are asked beside the map of a cloud that is laid out by its shape.
+    pub networks: Networks,
     /// Points that are laid out at once; larger clouds are laid out through a well-spread subset of as many.
     pub subset: usize,
 }
@@ -61,6 +63,7 @@ impl Default for ParameterOptions {
             side_rule: SideRule::Chord,
             radius: RadiusChoice(Radius::Grown),
             refine: Refine::Auto,
+            networks: Networks::On,
             subset: 10_000,
         }
     }
@@ -89,8 +92,9 @@ impl ParameterOptions {
 
 named!(
     /// Where parameters come from.
-    ParameterChoice, "auto, given, chord, centripetal, parcnn, uniform, mean-value, recd, lpsp or bidgcn",
-    /// Given ones, else a mean-value map of the mesh, else chord length along the grid, else by the shape of the cloud.
+    ParameterChoice, "auto, given, chord, centripetal, parcnn, uniform, mean-value, recd, lpsp, pargcn or bidgcn",
+    /// Given ones, else a mean-value map of the mesh, else chord length along the grid, else by the shape of the cloud, with a
+    /// network asked beside.
     Auto = "auto",
     /// Those of the file.
     Given = "given",
@@ -109,6 +113,9 @@ named!(
     Recd = "recd",
     /// LPSP: shape-preserving weights by local projection (Imperatore 2024, §4.2.1).
     Lpsp = "lpsp",
+    /// By weights of neighbours that a graph network gives (Imperatore 2024, §4.2); clouds of more than 10,000 points through a
+    /// subset.
+    Pargcn = "pargcn",
     /// By a graph network from the boundary and the interior points (Imperatore 2024, §4.3); clouds larger than it was trained
     /// for through a subset.
     Bidgcn = "bidgcn"
@@ -169,7 +176,26 @@ named!(
     /// As they come out.
     Off = "off"
 );
-serialize_as_typed!(ParameterChoice, Domain, Closed, Clean, SideRule, Refine, GivenCorners, Crop, RadiusChoice);
+named!(
+    /// Whether networks are asked beside the map of a cloud.
+    Networks, "on or off",
+    /// Their parameters are taken where they are better by all measures.
+    On = "on",
+    /// They are not asked.
+    Off = "off"
+);
+serialize_as_typed!(
+    ParameterChoice,
+    Domain,
+    Closed,
+    Clean,
+    SideRule,
+    Refine,
+    Networks,
+    GivenCorners,
+    Crop,
+    RadiusChoice
+);
 
 impl SideRule {
     pub(crate) fn rule(self) -> Rule {

@@ -8,12 +8,13 @@ use anyhow::{Context, Result, ensure};
 use fit_ls::{Lambda, LeastSquares, Options, directed_hausdorff};
 use geom_io::{ReadOptions, read_scan};
 use ndarray::{Array2, Axis};
-use param_classic::{BOUNDARY_TOLERANCE, BoundaryParameters, CloudMapParams, CloudWeights, Radius, map_cloud};
+use param_classic::{BOUNDARY_TOLERANCE, CloudMapParams, CloudWeights, Radius, map_cloud};
 use param_nn::{BezierFit, ControlPoints, ScatteredCloud, ScatteredSpec, stream};
 use point_cloud::Normalization;
 use rand::seq::SliceRandom;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
+use super::mapped;
 use super::markdown::{compared, table};
 
 const METHODS: [(&str, CloudWeights); 3] = [
@@ -22,16 +23,16 @@ const METHODS: [(&str, CloudWeights); 3] = [
     ("LPSP", CloudWeights::LocalProjection),
 ];
 
-const DEGREES: [usize; 4] = [2, 3, 4, 5];
+pub(super) const DEGREES: [usize; 4] = [2, 3, 4, 5];
 
 /// Seed of all clouds and subsets; its number means nothing.
-const SEED: u64 = 46;
+pub(super) const SEED: u64 = 46;
 
 /// Clouds of a cell of Table 4.6, as in the text.
-const CLOUDS: u64 = 100;
+pub(super) const CLOUDS: u64 = 100;
 
 /// Random subsets of a real cloud; the text has one.
-const SUBSETS: u64 = 20;
+pub(super) const SUBSETS: u64 = 20;
 
 /// Smoothing weight of the B-spline fits of Table 4.8; the text has "penalized" and no number, its other fits 1e-6 to 1e-8.
 const LAMBDA: f64 = 1e-6;
@@ -43,7 +44,7 @@ const ELEMENTS: usize = 16;
 const COORDINATES: f64 = 3.0;
 
 /// Printed in Table 4.6: (MSE, DHD) exact, (MSE, DHD) noisy; UNIF, RECD, LPSP in each degree.
-const TABLE_6: [[[f64; 4]; 3]; 4] = [
+pub(super) const TABLE_6: [[[f64; 4]; 3]; 4] = [
     [[1.09e-3, 4.18e-2, 1.09e-3, 4.59e-2], [5.01e-4, 2.42e-2, 5.00e-4, 2.80e-2], [5.75e-5, 9.90e-3, 5.31e-5, 1.58e-2]],
     [[8.84e-4, 3.68e-2, 9.09e-4, 4.69e-2], [3.44e-4, 2.91e-2, 3.67e-4, 3.92e-2], [2.93e-5, 1.08e-2, 1.15e-4, 2.91e-2]],
     [[6.41e-4, 3.68e-2, 7.37e-4, 4.45e-2], [2.38e-4, 2.98e-2, 2.64e-4, 3.86e-2], [3.51e-5, 1.39e-2, 9.14e-5, 2.63e-2]],
@@ -51,7 +52,7 @@ const TABLE_6: [[[f64; 4]; 3]; 4] = [
 ];
 
 /// Printed in Table 4.7: (MSE, DHD) of RECD and LPSP in each degree.
-const TABLE_7: [[[f64; 2]; 2]; 4] = [
+pub(super) const TABLE_7: [[[f64; 2]; 2]; 4] = [
     [[6.80e-4, 4.02e-2], [1.32e-4, 3.39e-2]],
     [[2.55e-4, 4.73e-2], [4.10e-4, 2.39e-2]],
     [[1.74e-4, 3.20e-2], [2.27e-5, 1.39e-2]],
@@ -59,7 +60,7 @@ const TABLE_7: [[[f64; 2]; 2]; 4] = [
 ];
 
 /// Printed in Table 4.8: (MSE, DHD) of the patch, (MSE, DHD) of the B-spline; RECD and LPSP in each degree.
-const TABLE_8: [[[f64; 4]; 2]; 4] = [
+pub(super) const TABLE_8: [[[f64; 4]; 2]; 4] = [
     [[3.54e-3, 1.71e-1, 2.68e-4, 8.65e-2], [1.55e-3, 1.55e-1, 8.43e-5, 3.32e-2]],
     [[2.25e-3, 1.28e-1, 2.42e-4, 7.98e-2], [7.10e-4, 1.10e-1, 8.97e-5, 3.52e-2]],
     [[1.71e-3, 1.24e-1, 2.43e-4, 7.91e-2], [4.30e-4, 9.96e-2, 8.13e-5, 3.40e-2]],
@@ -68,7 +69,7 @@ const TABLE_8: [[[f64; 4]; 2]; 4] = [
 
 /// Mean errors over clouds.
 #[derive(Clone, Copy, Debug, Default)]
-struct Errors {
+pub(super) struct Errors {
     /// Mean square, averaged over the coordinates too.
     mse: f64,
     /// Largest distance of a point to the surface.
@@ -77,13 +78,13 @@ struct Errors {
 }
 
 impl Errors {
-    fn add(&mut self, mse: f64, dhd: f64) {
+    pub(super) fn add(&mut self, mse: f64, dhd: f64) {
         self.mse += mse;
         self.dhd += dhd;
         self.clouds += 1;
     }
 
-    fn mean(self) -> [f64; 2] {
+    pub(super) fn mean(self) -> [f64; 2] {
         [self.mse, self.dhd].map(|sum| sum / self.clouds as f64)
     }
 }
@@ -118,7 +119,7 @@ fn table_6(control_points: ControlPoints) -> Result<String> {
                 let cloud = spec.sample(&mut stream(SEED, index))?;
                 for (cell, (_, weights)) in cells.iter_mut().zip(METHODS) {
                     let params = CloudMapParams { weights, radius: Radius::Given(0.2), max_neighbours: Some(64) };
-                    let Ok(map) = map_cloud(cloud.points.view(), &boundary(&cloud), &params) else {
+                    let Ok(map) = map_cloud(cloud.points.view(), &mapped::boundary(&cloud), &params) else {
                         failed += 1;
                         continue;
                     };
@@ -142,23 +143,15 @@ fn table_6(control_points: ControlPoints) -> Result<String> {
     Ok(format!("{}\nMaps without a solution: {failed}.\n", table(&header, &rows)))
 }
 
-fn boundary(cloud: &ScatteredCloud) -> BoundaryParameters {
-    let rows: Vec<usize> = (cloud.interior..cloud.points.nrows()).collect();
-    BoundaryParameters {
-        points: rows.iter().map(|&row| row as u32).collect(),
-        parameters: cloud.parameters.select(Axis(0), &rows),
-    }
-}
-
 /// MSE, averaged over the coordinates, and DHD of the Bézier patch of least squares.
-fn patch_errors(parameters: &Array2<f64>, points: &Array2<f64>, degree: usize) -> Result<(f64, f64)> {
+pub(super) fn patch_errors(parameters: &Array2<f64>, points: &Array2<f64>, degree: usize) -> Result<(f64, f64)> {
     let fit = BezierFit::new(parameters.view(), points.view(), degree)?;
     let surface = SplineMap::new(Arc::new(space(degree, 1)?), fit.coefficients)?;
     Ok((fit.mse / COORDINATES, directed_hausdorff(&surface, parameters.view(), points.view())?))
 }
 
 /// MSE, averaged over the coordinates, and DHD of a penalized B-spline.
-fn spline_errors(parameters: &Array2<f64>, points: &Array2<f64>, degree: usize) -> Result<(f64, f64)> {
+pub(super) fn spline_errors(parameters: &Array2<f64>, points: &Array2<f64>, degree: usize) -> Result<(f64, f64)> {
     let options = Options { lambda: Lambda::Fixed(LAMBDA), ..Options::default() };
     let mut fit = LeastSquares::new(parameters.view(), points.view(), None, options)?;
     let surface = fit.fit(&Arc::new(space(degree, ELEMENTS)?))?;
@@ -221,7 +214,7 @@ fn clouds_kept(errors: &RealErrors) -> String {
 }
 
 /// A measured cloud with parameters, in the unit cube.
-struct RealCloud {
+pub(super) struct RealCloud {
     points: Array2<f64>,
     parameters: Array2<f64>,
     interior: Vec<usize>,
@@ -229,7 +222,7 @@ struct RealCloud {
 }
 
 impl RealCloud {
-    fn read(path: &Path) -> Result<Self> {
+    pub(super) fn read(path: &Path) -> Result<Self> {
         let scan = read_scan(path, &ReadOptions::default())?;
         let parameters = scan.cloud.parameters.with_context(|| format!("{} has no parameters", path.display()))?;
         let points = Normalization::of(scan.cloud.points.view())?.apply(scan.cloud.points.view())?;
@@ -250,7 +243,7 @@ impl RealCloud {
             let cloud = self.subset(interior, boundary, index)?;
             for (method, (_, weights)) in METHODS.into_iter().enumerate() {
                 let params = CloudMapParams { weights, radius, max_neighbours: Some(limit) };
-                let Ok(map) = map_cloud(cloud.points.view(), &self::boundary(&cloud), &params) else { continue };
+                let Ok(map) = map_cloud(cloud.points.view(), &mapped::boundary(&cloud), &params) else { continue };
                 for (degree, cells) in DEGREES.into_iter().zip(&mut errors) {
                     let (mse, dhd) = patch_errors(&map.parameters, &cloud.points, degree)?;
                     cells[method][0].add(mse, dhd);
@@ -262,7 +255,7 @@ impl RealCloud {
         Ok(errors)
     }
 
-    fn subset(&self, interior: usize, boundary: usize, index: u64) -> Result<ScatteredCloud> {
+    pub(super) fn subset(&self, interior: usize, boundary: usize, index: u64) -> Result<ScatteredCloud> {
         let mut random = stream(SEED, index);
         let is_corner = |&row: &usize| self.parameters.row(row).iter().all(|&x| x == 0.0 || x == 1.0);
         let (mut kept, mut others): (Vec<usize>, Vec<usize>) = self.boundary.iter().copied().partition(is_corner);

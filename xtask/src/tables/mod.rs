@@ -1,11 +1,14 @@
 //! Published tables, computed anew from seeds and set beside the printed figures.
 
+pub mod bidgcn;
 pub mod box_splines;
 pub mod classical;
 mod crossings;
 pub mod curves;
+mod mapped;
 mod markdown;
 pub mod parcnn;
+pub mod pargcn;
 pub mod qi;
 pub mod rwls;
 mod shapes;

@@ -2,6 +2,7 @@
 
 mod curve;
 mod gridded;
+mod pargcn;
 mod scattered;
 
 use std::fmt::Debug;

@@ -5,7 +5,7 @@ use param_nn::{NnError, Score, StepReport, TrainOptions, Trainer, Validation};
 use super::{Judged, Training, VALIDATION_SEED};
 
 /// Clouds of each kind that a validation takes.
-const VALIDATION_CLOUDS: u64 = 25;
+pub(super) const VALIDATION_CLOUDS: u64 = 25;
 
 impl Training for Trainer {
     type Options = TrainOptions;
@@ -45,15 +45,19 @@ impl Training for Trainer {
 
     fn judge(&self, validation: &Validation, command: &str) -> Judged {
         let network = self.network(command);
-        let columns = |Score { kind, mse, lpsp, parameter_error, .. }| {
-            let kind = kind.replace(", ", " ");
-            [
-                (format!("mse {kind}"), format!("{mse:.4e}")),
-                (format!("lpsp {kind}"), format!("{lpsp:.4e}")),
-                (format!("parameter error {kind}"), format!("{parameter_error:.4}")),
-            ]
-        };
-        let columns = validation.scores(&network).into_iter().flat_map(columns).collect();
-        Judged { weights: network.to_bytes(), columns }
+        Judged { weights: network.to_bytes(), columns: columns(validation.scores(&network)) }
     }
+}
+
+/// Columns of the log, three for each kind of clouds.
+pub(super) fn columns(scores: Vec<Score>) -> Vec<(String, String)> {
+    let of_kind = |Score { kind, mse, lpsp, parameter_error, .. }: Score| {
+        let kind = kind.replace(", ", " ");
+        [
+            (format!("mse {kind}"), format!("{mse:.4e}")),
+            (format!("lpsp {kind}"), format!("{lpsp:.4e}")),
+            (format!("parameter error {kind}"), format!("{parameter_error:.4}")),
+        ]
+    };
+    scores.into_iter().flat_map(of_kind).collect()
 }

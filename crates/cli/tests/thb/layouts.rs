@@ -180,4 +180,21 @@ fn networks_parameterize_grids_and_clouds() {
     // Few of the triangles over the points turn over, and the parameters follow the surface.
     assert!(quality["folded"].as_u64().unwrap() * 50 < quality["triangles"].as_u64().unwrap(), "{quality}");
     lab.fails("param raw.xyz --param parcnn -o uv.csv", 1, &["grid order"]);
+    let weighted = lab.prints_json("param raw.xyz --param pargcn -o uv.csv");
+    let quality = &weighted["parameterization"];
+    assert_eq!((&quality["method"], &quality["folded"]), (&"pargcn".into(), &0.into()), "{quality}");
+}
+
+#[test]
+fn networks_are_asked_beside_the_map_of_a_cloud_unless_told_not_to() {
+    let lab = Lab::with("raw.xyz", rows(&scattered(20, 500)));
+    let asked = lab.prints_json("param raw.xyz -o on.csv");
+    let network = &asked["parameterization"]["network"];
+    assert!(network["taken"].is_boolean() && !network["reason"].as_str().unwrap().is_empty(), "{asked}");
+    let alone = lab.prints_json("param raw.xyz --networks off -o off.csv");
+    assert!(alone["parameterization"]["network"].is_null(), "{alone}");
+    // What is not taken leaves no trace.
+    assert_eq!(lab.text("on.csv") == lab.text("off.csv"), network["taken"] == false);
+    lab.put("grid.csv", gridded());
+    assert!(lab.prints_json("param grid.csv -o uv.csv")["parameterization"]["network"].is_null());
 }

@@ -84,15 +84,21 @@ impl Cloud {
         &self.uv[self.interior..]
     }
 
-    /// What a network is given: the points in the unit cube, before that turned into the frame of the boundary where
-    /// `frame` says so and there is one.
-    pub(crate) fn input<T: Real>(&self, frame: bool) -> Input<T> {
+    /// The points in the unit cube, before that turned into the frame of the boundary where `frame` says so and there is
+    /// one.
+    pub(crate) fn scaled(&self, frame: bool) -> Vec<[f64; 3]> {
         let mut points = self.xyz.clone();
         into_unit_cube(&mut points);
         if frame && let Some(mut turned) = turned(&points, &points[self.interior..], self.boundary_uv()) {
             into_unit_cube(&mut turned);
             points = turned;
         }
+        points
+    }
+
+    /// What the network is given.
+    pub(crate) fn input<T: Real>(&self, frame: bool) -> Input<T> {
+        let points = self.scaled(frame);
         Input::new(&points[..self.interior], &points[self.interior..], self.boundary_uv())
     }
 

@@ -122,17 +122,17 @@ pub(super) fn add_edge_gradients<T: Real>(gradient: &mut [T], own: &[T], neighbo
 
 /// Batch normalization with the statistics of the rows at hand, then ReLU.
 #[derive(Debug)]
-pub(super) struct Normalized<T> {
+pub(crate) struct Normalized<T> {
     /// Rows with mean 0 and variance 1.
     normal: Vec<T>,
     inverse_deviation: Vec<T>,
     /// `relu(γ x + β)`.
-    pub(super) result: Vec<T>,
+    pub(crate) result: Vec<T>,
 }
 
 impl<T: Real> Normalized<T> {
     /// `affine` holds γ, then β; its half length is the number of channels.
-    pub(super) fn new(mut x: Vec<T>, affine: &[T]) -> Self {
+    pub(crate) fn new(mut x: Vec<T>, affine: &[T]) -> Self {
         let width = affine.len() / 2;
         let (gamma, beta) = affine.split_at(width);
         let share = T::from_f64(width as f64 / x.len().max(1) as f64);
@@ -169,7 +169,7 @@ impl<T: Real> Normalized<T> {
     }
 
     /// Gradient of the input from that of the result; adds to that of γ and β.
-    pub(super) fn backward(&self, mut gradient: Vec<T>, affine: &[T], affine_gradient: &mut [T]) -> Vec<T> {
+    pub(crate) fn backward(&self, mut gradient: Vec<T>, affine: &[T], affine_gradient: &mut [T]) -> Vec<T> {
         relu_backward(&mut gradient, &self.result);
         let width = affine.len() / 2;
         let share = T::from_f64(width as f64 / gradient.len().max(1) as f64);

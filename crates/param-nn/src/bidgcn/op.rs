@@ -111,7 +111,7 @@ mod tests {
         let cloud = Cloud::of_sample(&sample);
         let layout = Arc::new(Layout::new(Variant::Bidgcn));
         let input = Arc::new(cloud.input::<f64>(true));
-        let theta: Vec<f64> = crate::train::initial_weights(&layout, 1).into_iter().map(f64::from).collect();
+        let theta: Vec<f64> = crate::train::initial_weights(layout.slots(), 1).into_iter().map(f64::from).collect();
         let graphs = forward(&layout, &theta, &input, None).1.graphs;
         let loss = |theta: &Tensor| {
             let logits = theta.apply_op1(Network::new(layout.clone(), input.clone())).unwrap();

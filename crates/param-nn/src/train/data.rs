@@ -9,9 +9,6 @@ use crate::bidgcn::cloud::Cloud;
 use crate::error::NnError;
 use crate::synthetic::{ControlPoints, ScatteredSpec};
 
-/// Interior points of the smallest and the largest cloud; their logarithm is evenly distributed.
-const SIZES: [f64; 2] = [200.0, 2000.0];
-
 /// Share of the control points of §4.2.6, the flatter ones; the others are those of §4.3.4.
 const GREVILLE_SHARE: f64 = 0.2;
 
@@ -29,13 +26,14 @@ const UNEVENNESS: f64 = 0.7;
 /// Share of clouds whose boundary gets parameters by chord length in place of the true ones, as measured clouds do.
 const CHORD_SHARE: f64 = 0.15;
 
-/// A training cloud and the degree of its patch.
-pub(super) fn draw(random: &mut ChaCha8Rng) -> Result<(Cloud, usize), NnError> {
+/// A training cloud and the degree of its patch. `sizes` are the interior points of the smallest and the largest cloud; their
+/// logarithm is evenly distributed.
+pub(super) fn draw(sizes: [f64; 2], random: &mut ChaCha8Rng) -> Result<(Cloud, usize), NnError> {
     let mut chance = |share: f64| random.random::<f64>() < share;
     let greville = chance(GREVILLE_SHARE);
     let (noisy, uneven, chord) = (chance(NOISY_SHARE), chance(UNEVEN_SHARE), chance(CHORD_SHARE));
     let mut logarithmic = |[low, high]: [f64; 2]| low * (high / low).powf(random.random::<f64>());
-    let interior = logarithmic(SIZES).round() as usize;
+    let interior = logarithmic(sizes).round() as usize;
     let deviation = logarithmic(NOISE);
     let mut place: f64 = random.random();
     let degree = 2 + DEGREE_SHARES
@@ -76,7 +74,7 @@ mod tests {
 
     #[test]
     fn all_kinds_are_drawn() {
-        let drawn: Vec<(Cloud, usize)> = (0..200).map(|k| draw(&mut stream(0, k)).unwrap()).collect();
+        let drawn: Vec<(Cloud, usize)> = (0..200).map(|k| draw([200.0, 2000.0], &mut stream(0, k)).unwrap()).collect();
         for degree in 2..=5 {
             assert!(drawn.iter().any(|(_, d)| *d == degree), "no degree {degree}");
         }

@@ -4,6 +4,7 @@ mod comparison;
 mod data;
 mod gridded;
 mod optimizer;
+mod pargcn;
 mod state;
 mod validation;
 
@@ -16,6 +17,7 @@ use rand::RngExt;
 pub use self::comparison::Comparison;
 pub use self::gridded::{GridScore, GridTrainOptions, GridTrainer, GridValidation};
 pub use self::optimizer::Recipe;
+pub use self::pargcn::{PargcnTrainOptions, PargcnTrainer};
 use self::state::{State, needed};
 pub use self::validation::{Score, Validation};
 use crate::archive::Archive;
@@ -23,6 +25,7 @@ use crate::bidgcn::Bidgcn;
 use crate::bidgcn::layout::{Layout, Variant};
 use crate::bidgcn::op::{Network, PatchError};
 use crate::error::NnError;
+use crate::slots::Slot;
 use crate::synthetic::stream;
 
 /// Steps of linear warm-up of the rate.
@@ -34,6 +37,9 @@ const LAST_RATE: f64 = 0.01;
 /// Share of the run over which the distance from the true parameters fades out of the loss. Without it the error of the
 /// fit alone has a local minimum with mirrored interior parameters, in which training stays.
 const SUPERVISED_SHARE: f64 = 0.08;
+
+/// Interior points of the smallest and the largest cloud.
+const SIZES: [f64; 2] = [200.0, 2000.0];
 
 /// Streams of random numbers: steps count from 0 on, the initial weights stand apart.
 const WEIGHT_STREAM: u64 = u64::MAX;
@@ -75,10 +81,10 @@ pub struct StepReport {
 }
 
 /// Weights and biases evenly distributed within ±1/√inputs; normalizations as the identity.
-pub(crate) fn initial_weights(layout: &Layout, seed: u64) -> Vec<f32> {
+pub(crate) fn initial_weights(slots: &[Slot], seed: u64) -> Vec<f32> {
     let mut random = stream(seed, WEIGHT_STREAM);
-    let mut theta = vec![0.0; layout.len()];
-    for slot in layout.slots() {
+    let mut theta = vec![0.0; slots.last().map_or(0, |slot| slot.range.end)];
+    for slot in slots {
         let part = &mut theta[slot.range.clone()];
         match slot.fan_in {
             Some(inputs) => {
@@ -101,7 +107,7 @@ impl Trainer {
     /// A run from its start.
     pub fn new(options: TrainOptions) -> Self {
         let layout = Arc::new(Layout::new(options.variant));
-        let state = State::new(initial_weights(&layout, options.seed), Recipe::AdamW);
+        let state = State::new(initial_weights(layout.slots(), options.seed), Recipe::AdamW);
         Self { options, layout, state }
     }
 
@@ -133,7 +139,7 @@ impl Trainer {
         let step = self.state.steps();
         let progress = step as f64 / self.options.steps.max(1) as f64;
         let supervised = (1.0 - progress / SUPERVISED_SHARE).max(0.0);
-        let (cloud, degree) = data::draw(&mut stream(self.options.seed, step))?;
+        let (cloud, degree) = data::draw(SIZES, &mut stream(self.options.seed, step))?;
         let input = Arc::new(cloud.input::<f32>(self.options.frame));
         let differentiate = || -> candle_core::Result<(f64, Vec<f32>)> {
             let theta = Var::from_vec(self.state.theta.clone(), self.state.theta.len(), &Device::Cpu)?;

@@ -7,11 +7,28 @@ use crate::bezier::BezierFit;
 use crate::bidgcn::Bidgcn;
 use crate::bidgcn::cloud::Cloud;
 use crate::error::NnError;
+use crate::pargcn::{Pargcn, PargcnOptions};
 use crate::synthetic::{ControlPoints, ScatteredSpec, stream};
 
-/// Kinds of clouds: a name, interior points, noise. Biquadratic patches with the control points of §4.3.4.
-const KINDS: [(&str, usize, f64); 5] =
-    [("200", 200, 0.0), ("500", 500, 0.0), ("1000", 1000, 0.0), ("2000", 2000, 0.0), ("1000, noise", 1000, 1e-2)];
+/// Kinds of clouds: a name, control points, interior points, noise. Biquadratic patches.
+type Kinds = [(&'static str, ControlPoints, usize, f64); 5];
+
+const KINDS: Kinds = [
+    ("200", ControlPoints::Jittered, 200, 0.0),
+    ("500", ControlPoints::Jittered, 500, 0.0),
+    ("1000", ControlPoints::Jittered, 1000, 0.0),
+    ("2000", ControlPoints::Jittered, 2000, 0.0),
+    ("1000, noise", ControlPoints::Jittered, 1000, 1e-2),
+];
+
+/// Smaller ones, of the family of §4.2.6 too.
+const SMALL_KINDS: Kinds = [
+    ("100", ControlPoints::Jittered, 100, 0.0),
+    ("200", ControlPoints::Jittered, 200, 0.0),
+    ("500", ControlPoints::Jittered, 500, 0.0),
+    ("200, heights", ControlPoints::Greville, 200, 0.0),
+    ("200, heights, noise", ControlPoints::Greville, 200, 1e-2),
+];
 
 /// Degree of the patches.
 const DEGREE: usize = 2;
@@ -36,14 +53,26 @@ pub struct Score {
 }
 
 impl Validation {
-    /// `count` clouds of each kind.
+    /// `count` clouds of each kind, of 200 to 2000 interior points.
     ///
     /// # Errors
     /// Those of the classical map.
     pub fn new(seed: u64, count: u64) -> Result<Self, NnError> {
+        Self::of_kinds(KINDS, seed, count)
+    }
+
+    /// `count` clouds of each kind, of 100 to 500 interior points.
+    ///
+    /// # Errors
+    /// Those of the classical map.
+    pub fn small(seed: u64, count: u64) -> Result<Self, NnError> {
+        Self::of_kinds(SMALL_KINDS, seed, count)
+    }
+
+    fn of_kinds(of: Kinds, seed: u64, count: u64) -> Result<Self, NnError> {
         let mut kinds = Vec::new();
-        for (k, (name, interior, noise)) in KINDS.into_iter().enumerate() {
-            let spec = ScatteredSpec { control_points: ControlPoints::Jittered, degree: DEGREE, interior, noise };
+        for (k, (name, control_points, interior, noise)) in of.into_iter().enumerate() {
+            let spec = ScatteredSpec { control_points, degree: DEGREE, interior, noise };
             let (mut clouds, mut lpsp) = (Vec::new(), 0.0);
             for index in 0..count {
                 let sample = spec.sample(&mut stream(seed, count * k as u64 + index))?;
@@ -66,10 +95,22 @@ impl Validation {
 
     /// Scores of a network, one a kind.
     pub fn scores(&self, network: &Bidgcn) -> Vec<Score> {
+        self.scores_of(|cloud| network.interior_parameters(cloud))
+    }
+
+    /// Scores of a network that gives weights, one a kind; without the correction. A cloud that it cannot map makes
+    /// the mean no number.
+    pub fn pargcn_scores(&self, network: &Pargcn) -> Vec<Score> {
+        let options = PargcnOptions::default();
+        let failed = |cloud: &Cloud| vec![[f64::NAN; 2]; cloud.interior];
+        self.scores_of(|cloud| network.interior_parameters(cloud, &options).unwrap_or_else(|_| failed(cloud)))
+    }
+
+    fn scores_of(&self, interior_parameters: impl Fn(&Cloud) -> Vec<[f64; 2]>) -> Vec<Score> {
         let one = |(kind, clouds, lpsp): &(&'static str, Vec<Cloud>, f64)| {
             let (mut mse, mut squared) = (0.0, 0.0);
             for cloud in clouds {
-                let mut uv = network.interior_parameters(cloud);
+                let mut uv = interior_parameters(cloud);
                 let distance = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
                 squared += uv.iter().zip(&cloud.uv).map(distance).sum::<f64>() / cloud.interior as f64;
                 uv.extend_from_slice(cloud.boundary_uv());

@@ -7,7 +7,7 @@ use param_classic::{
 use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
 
 use super::{Layout, mesh, network};
-use crate::parameter_options::ParameterChoice;
+use crate::parameter_options::{Networks, ParameterChoice};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
 /// Distance from the mesh over a cloud, in spacings, from which on a point is not of the surface.
@@ -47,6 +47,10 @@ pub(super) fn lay_out(
         layout
             .warnings
             .push("no mesh could be spanned over the cloud; it was laid out by its boundary and neighbours".to_owned());
+    }
+    if choice == ParameterChoice::Auto && options.networks == Networks::On {
+        let _ = watch(Event::Step("asking the networks"));
+        layout.network = Some(layout.ask_networks());
     }
     if let Some(found) = &spanned {
         (layout.spacing, layout.noise) = (Some(found.spacing), Some(found.noise));
@@ -121,6 +125,10 @@ fn by_boundary(
         ParameterChoice::Bidgcn => {
             let _ = watch(Event::Step("asking the network"));
             (network::of_cloud(points, &fixed)?, "bidgcn", Vec::new())
+        }
+        ParameterChoice::Pargcn => {
+            let _ = watch(Event::Step("asking the network"));
+            (network::by_learned_weights(points, &fixed)?, "pargcn", Vec::new())
         }
         _ => {
             let _ = watch(Event::Step("mapping the cloud"));

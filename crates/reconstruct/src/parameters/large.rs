@@ -41,6 +41,7 @@ pub(super) fn lay_out(
     let m = cloud.points.nrows();
     let (subset, at_once) = match choice {
         ParameterChoice::Bidgcn => (options.subset.min(network::LARGEST), network::LARGEST),
+        ParameterChoice::Pargcn => (options.subset.min(network::LARGEST_WEIGHTED), network::LARGEST_WEIGHTED),
         _ => (options.subset, AT_ONCE * options.subset),
     };
     if m <= at_once {
@@ -113,6 +114,7 @@ pub(super) fn lay_out(
         refined: part.refined,
         spacing: part.spacing,
         noise: part.noise,
+        network: part.network,
         warnings: part.warnings,
         reversed: false,
         is_height_field: false,

@@ -3,6 +3,7 @@
 mod boundary;
 mod closed;
 mod cloud;
+mod guard;
 mod large;
 mod mesh;
 mod network;
@@ -15,6 +16,7 @@ use ndarray::{Array2, ArrayView1, Axis};
 use param_classic::map_quality;
 use point_cloud::{Duplicates, check_surface_cloud};
 
+pub use self::guard::NetworkReport;
 pub use self::quality::{HoleReport, ParameterReport, Stretch, VoidReport};
 use crate::clean::{Cleaned, clean};
 use crate::parameter_options::{Closed, Domain, ParameterChoice, SideRule};
@@ -67,6 +69,7 @@ struct Layout {
     noise: Option<f64>,
     reversed: bool,
     is_height_field: bool,
+    network: Option<NetworkReport>,
     warnings: Vec<String>,
 }
 

@@ -4,7 +4,7 @@ use ndarray::Axis;
 use param_classic::{Distortion, Verdict, cloud_quality, map_quality};
 use serde::Serialize;
 
-use super::{Layout, spread_over_square};
+use super::{Layout, NetworkReport, spread_over_square};
 use crate::Error;
 use crate::clean::Found;
 use crate::parameter_options::{Clean, Closed, Domain};
@@ -19,6 +19,8 @@ pub struct ParameterReport {
     pub method: &'static str,
     /// Whether the map was refined towards less distortion.
     pub refined: bool,
+    /// What came of asking a network beside the map of a cloud without order; `null` where none was asked.
+    pub network: Option<NetworkReport>,
     /// Points of the well-spread subset through which a large cloud was laid out.
     pub subset: Option<usize>,
     /// Points of the file that have no parameters: removed, equal to others, stray.
@@ -122,6 +124,7 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
     Ok(ParameterReport {
         method: layout.method,
         refined: layout.refined,
+        network: layout.network.clone(),
         subset: layout.subset,
         left_out: 0,
         outliers: None,

@@ -16,7 +16,7 @@ const JOINT_STEPS: usize = 2;
 const RESCUE: f64 = 1e-12;
 
 /// A fit and its errors.
-pub(super) struct Fitted<const D: usize> {
+pub(in crate::tables) struct Fitted<const D: usize> {
     pub(super) map: SplineMap<D>,
     pub(super) parameters: Array2<f64>,
     pub(super) distances: Vec<f64>,
@@ -24,7 +24,7 @@ pub(super) struct Fitted<const D: usize> {
 
 impl<const D: usize> Fitted<D> {
     /// Mean of the squared distances.
-    pub(super) fn mse(&self) -> f64 {
+    pub(in crate::tables) fn mse(&self) -> f64 {
         self.distances.iter().map(|d| d * d).sum::<f64>() / self.distances.len() as f64
     }
 
@@ -39,17 +39,17 @@ impl<const D: usize> Fitted<D> {
     }
 }
 
-pub(super) fn polynomials<const D: usize>(degree: usize) -> Result<Arc<HierarchicalSpace<D>>> {
+pub(in crate::tables) fn polynomials<const D: usize>(degree: usize) -> Result<Arc<HierarchicalSpace<D>>> {
     elements(degree, 1)
 }
 
-pub(super) fn elements<const D: usize>(degree: usize, elements: usize) -> Result<Arc<HierarchicalSpace<D>>> {
+pub(in crate::tables) fn elements<const D: usize>(degree: usize, elements: usize) -> Result<Arc<HierarchicalSpace<D>>> {
     let knots = KnotVector::uniform(degree, elements)?;
     Ok(Arc::new(HierarchicalSpace::new(Kind::Thb, std::array::from_fn(|_| knots.clone()))?))
 }
 
 /// Least squares at fixed parameters.
-pub(super) fn fit<const D: usize>(
+pub(in crate::tables) fn fit<const D: usize>(
     parameters: &Array2<f64>,
     points: ArrayView2<'_, f64>,
     space: &Arc<HierarchicalSpace<D>>,
@@ -69,7 +69,7 @@ pub(super) fn fit<const D: usize>(
 }
 
 /// Joint Levenberg–Marquardt steps for control points and parameters; the fit at fixed parameters where they are refused.
-pub(super) fn jointly_moved<const D: usize>(
+pub(in crate::tables) fn jointly_moved<const D: usize>(
     parameters: &Array2<f64>,
     points: ArrayView2<'_, f64>,
     space: &Arc<HierarchicalSpace<D>>,

@@ -1,7 +1,7 @@
 //! PARCNN: Tables 4.1 to 4.5 of Imperatore 2024 (1 to 5 of the book chapter).
 
 mod curves;
-mod fitting;
+pub(super) mod fitting;
 mod surfaces;
 mod text;
 

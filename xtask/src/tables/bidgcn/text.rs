@@ -1,0 +1,87 @@
+//! Words around the tables.
+
+use super::{BidgcnTables, Networks};
+
+pub(super) fn introduction(options: &BidgcnTables<'_>, networks: &Networks) -> String {
+    let data = if options.data.is_some() { " --data DIR" } else { "" };
+    let train = options.train.map_or(String::new(), |steps| format!(" --train {steps}"));
+    let note =
+        |notes: &std::collections::BTreeMap<String, String>, name: &str| notes.get(name).cloned().unwrap_or_default();
+    format!(
+        "# Learned parameterization of scattered clouds: BIDGCN\n\n    \
+         RAYON_NUM_THREADS=1 cargo xtask tables bidgcn --clouds {}{data}{train}\n\n\
+         computes this page anew, from seed {}. Figures 4.24 and 4.26 to 4.31 of Imperatore 2024 are curves without printed \
+         numbers; these are the tables to them.\n\n\
+         MSE is the mean squared distance of the points to the Bézier patch of least squares at their parameters, the three \
+         coordinates summed, in the unit cube; means over {} clouds a cell, the same for all methods (the figures have 100). \
+         Times are seconds or milliseconds of one processor core and do not include the fit. UNIF, RECD and LPSP: radius \
+         3/√m (4.16), grown where it ties too few points. PARGCN and BIDGCN are the networks that come with `param-nn`, \
+         trained in {} and {} steps; PARGCN without its correction, radius 0.2 √(264/m), at most 32 neighbours.\n",
+        options.clouds,
+        super::synthetic::SEED,
+        options.clouds,
+        note(networks.pargcn.notes(), "steps_done"),
+        note(networks.bidgcn.notes(), "steps_done"),
+    )
+}
+
+pub(super) const BEFORE_ERRORS: &str = "
+## Errors
+
+Points inside and on the boundary of a random patch (Imperatore 2024, §4.3.4), its true boundary parameters given; noise with
+a standard deviation in each coordinate before scaling. \"And 2 joint steps\": two steps of the joint Levenberg–Marquardt
+method of `moving-param` for control points and parameters, which the thesis does not have here; factors against LPSP
+without them.
+";
+
+pub(super) fn caption(degree: usize, noise: f64) -> String {
+    match noise {
+        0.0 => format!("Degree {degree}:"),
+        _ => format!("Degree {degree}, noise {noise:.0e}:"),
+    }
+}
+
+pub(super) const BEFORE_TIMES: &str = "
+## Times
+
+Milliseconds of one core for a cloud of degree 2 without noise.
+
+";
+
+pub(super) fn before_shares(clouds: u64) -> String {
+    format!(
+        "\n## Clouds parameterized at noise 5e-2\n\nOf {clouds}, degree 2; in brackets, those for which the radius 3/√m was \
+         enough (Figure 4.27, left).\n"
+    )
+}
+
+pub(super) fn before_trained(steps: u64, rate: f64, seed: u64) -> String {
+    format!(
+        "\n## The published form, and the ablation\n\nTrained for this table in {steps} steps each, rate {rate}, seed {seed}, \
+         on the same mixed clouds: a small part of what the shipped network got, so only these four compare. \"As shipped\" \
+         turns points into the frame of the boundary, \"plain\" does not. DGCNN has an input layer that knows nothing of the \
+         boundary but, where not plain, its frame. The plain forms are `cargo xtask train bidgcn --plain` and `cargo xtask \
+         train dgcnn --plain`. Degree 2:\n\n"
+    )
+}
+
+pub(super) const BEFORE_REAL: &str = "
+## Real clouds
+
+All methods get the same boundary parameters: those of the file (clouds of the authors, in the repository of G+Smo), or chord
+length between four corners that are found (meshes of Nefertiti). Folded triangles are counted on the mesh, or on the triangles
+that the parameters of the file span. The second fit is a biquadratic B-spline of 16 × 16 elements, without smoothing where
+that determines it. The networks read all points at once.
+
+";
+
+pub(super) const BEFORE_GUARDED: &str = "
+## Guarded default
+
+What `thb fit CLOUD --tol 0.5%` makes of clouds without triangles or parameters, with `--networks off` and without. The networks
+are asked for the parameters of all points (where the classical map has folds) and of 2000 well-spread ones, which a smooth map
+of the square carries to all; of these, and of points half and a quarter of the way to them, the best is taken that folds no
+more triangles than the classical map, if its coarse quick fit is no worse, its fine one leaves at most 0.9 of the error, and no
+larger void appears; a fine fit has at most 32 × 32 elements, a coarse one half as many. Ratios are those of the best candidate's errors to the classical ones; a dash: all fold more. The clouds
+are those of the table above and raw scans. Seconds of one core are for the whole fit.
+";
