@@ -63,7 +63,7 @@ impl Default for ParameterOptions {
             side_rule: SideRule::Chord,
             radius: RadiusChoice(Radius::Grown),
             refine: Refine::Auto,
-            networks: Networks::On,
+            networks: Networks::Off,
             subset: 10_000,
         }
     }

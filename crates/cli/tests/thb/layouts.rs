@@ -186,15 +186,15 @@ fn networks_parameterize_grids_and_clouds() {
 }
 
 #[test]
-fn networks_are_asked_beside_the_map_of_a_cloud_unless_told_not_to() {
+fn networks_are_asked_beside_the_map_of_a_cloud_where_told_to() {
     let lab = Lab::with("raw.xyz", rows(&scattered(20, 500)));
-    let asked = lab.prints_json("param raw.xyz -o on.csv");
+    let asked = lab.prints_json("param raw.xyz --networks on -o on.csv");
     let network = &asked["parameterization"]["network"];
     assert!(network["taken"].is_boolean() && !network["reason"].as_str().unwrap().is_empty(), "{asked}");
-    let alone = lab.prints_json("param raw.xyz --networks off -o off.csv");
+    let alone = lab.prints_json("param raw.xyz -o off.csv");
     assert!(alone["parameterization"]["network"].is_null(), "{alone}");
     // What is not taken leaves no trace.
     assert_eq!(lab.text("on.csv") == lab.text("off.csv"), network["taken"] == false);
     lab.put("grid.csv", gridded());
-    assert!(lab.prints_json("param grid.csv -o uv.csv")["parameterization"]["network"].is_null());
+    assert!(lab.prints_json("param grid.csv --networks on -o uv.csv")["parameterization"]["network"].is_null());
 }

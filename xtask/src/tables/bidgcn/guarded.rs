@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use geom_io::{ReadOptions, Scan, read_scan};
 use param_classic::BOUNDARY_TOLERANCE;
-use reconstruct::{Fit, FitOptions, GivenCorners, Networks, ParameterOptions, Tolerance, fit_scan};
+use reconstruct::{Fit, FitOptions, GivenCorners, Method, Networks, ParameterOptions, Tolerance, fit_scan};
 
 use super::real::WITH_PARAMETERS;
 use super::text;
@@ -60,7 +60,8 @@ impl Task {
 
     fn fit(&self, networks: Networks) -> Result<(Fit, f64)> {
         let parameters = ParameterOptions { networks, corners: self.corners, ..ParameterOptions::default() };
-        let options = FitOptions { parameters, tol: Tolerance::Percent(TOLERANCE), ..FitOptions::default() };
+        let options =
+            FitOptions { parameters, tol: Tolerance::Percent(TOLERANCE), method: Method::Ls, ..FitOptions::default() };
         let clock = ProcessorClock::start();
         let fit = fit_scan(self.scan.clone(), &self.name, &options, &mut |_| ControlFlow::Continue(()))?;
         Ok((fit, clock.seconds()))
