@@ -92,7 +92,7 @@ mod tests {
         let flat = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let through = [[0.2, 0.2, -1.0], [0.2, 0.2, 1.0], [3.0, 3.0, 1.0]];
         let beside = through.map(|p| [p[0] + 2.0, p[1], p[2]]);
-        assert!(pierces(&through, &flat) && !pierces(&flat, &through));
+        assert!(pierces(&through, &flat) && pierces(&flat, &through));
         assert!(!pierces(&beside, &flat) && !pierces(&flat, &beside));
     }
 }
