@@ -31,11 +31,6 @@ impl Triangles {
         Ok(triangles)
     }
 
-    /// The triangles, by indices of points.
-    pub(crate) fn corners(&self) -> &[[u32; 3]] {
-        &self.corners
-    }
-
     /// Sets the periods, and the orientations anew, given the parameters at the start.
     pub(crate) fn close(&mut self, periods: [f64; 2], parameter: impl Fn(usize) -> [f64; 2]) {
         self.periods = periods;

@@ -195,12 +195,10 @@ impl<const D: usize> MovingFit<D> {
 
     /// The samples between points that hold the surface in a space, if any.
     fn between(&self, space: &HierarchicalSpace<D>, options: &JointOptions) -> Result<Option<Between>, Error> {
-        match &self.triangles {
-            Some(triangles) if options.between > 0.0 => {
-                Between::new(triangles.corners(), space, self.fit.points(), options.between)
-            }
-            _ => Ok(None),
+        if self.centres.is_empty() || options.between == 0.0 {
+            return Ok(None);
         }
+        Between::new(&self.centres, space, self.fit.points(), options.between)
     }
 
     /// The penalty on folds of surfaces in space: a sample that folds costs as much as its share of the points would at

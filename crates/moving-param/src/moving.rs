@@ -50,6 +50,8 @@ pub struct MovingFit<const D: usize> {
     pub(crate) options: Options,
     pub(crate) constraints: Option<Constraints<D>>,
     pub(crate) triangles: Option<Triangles>,
+    /// Triangles whose centres hold the surface, by indices of points.
+    pub(crate) centres: Vec<[u32; 3]>,
     pub(crate) anchor: Option<Anchor<D>>,
     pub(crate) system: Option<(Arc<HierarchicalSpace<D>>, StepSystem)>,
     /// Weights of the caller, in the order of the points.
@@ -80,6 +82,7 @@ impl<const D: usize> MovingFit<D> {
             options,
             constraints: None,
             triangles: None,
+            centres: Vec::new(),
             anchor: None,
             system: None,
             weights: weights.map(|w| w.to_vec()),
@@ -239,7 +242,17 @@ impl MovingFit<2> {
     pub fn with_triangles(mut self, triangles: &[[u32; 3]]) -> Result<Self, Error> {
         let parameters: Vec<[f64; 2]> = self.start.outer_iter().map(|row| [row[0], row[1]]).collect();
         self.triangles = Some(Triangles::new(triangles, &parameters)?);
-        Ok(self)
+        Ok(self.with_centres(triangles))
+    }
+
+    /// Triangles over the points, by index, whose centres hold the surface of the joint method between the points
+    /// ([`JointOptions::between`](crate::JointOptions::between)), and which may fold. Those that name points that are not there
+    /// are left out.
+    pub fn with_centres(mut self, triangles: &[[u32; 3]]) -> Self {
+        let points = self.start.nrows();
+        let known = |t: &&[u32; 3]| t.iter().all(|&i| (i as usize) < points);
+        self.centres = triangles.iter().filter(known).copied().collect();
+        self
     }
 }
 

@@ -90,7 +90,8 @@ pub struct JointOptions {
     /// much as a distance of that length times its root. 0 for none.
     pub stiffness: f64,
     /// Weight of the centres of triangles between the points, in cells with few points: they keep the surface from swinging
-    /// between points, but are no data: errors do not fall to round-off. Needs triangles ([`crate::MovingFit::with_triangles`]). 0 for none.
+    /// between points, but are no data: errors do not fall to round-off. Needs triangles
+    /// ([`crate::MovingFit::with_centres`]). 0 for none.
     pub between: f64,
     /// How much it costs that a surface in space folds, in squared tolerances for each point of the part that folds. 0 for
     /// nothing.

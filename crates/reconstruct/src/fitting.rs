@@ -7,6 +7,7 @@ use adaptive::{Iteration, Observer, Outcome, Stop, run};
 use fit_ls::{LeastSquares, creases, directed_hausdorff, map_to_points};
 use moving_param::{Blend, Distance, JointOptions, Moves, MovingFit, Schedule};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
+use param_classic::triangulate_parameters;
 use point_cloud::LocalFrames;
 use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
 
@@ -33,9 +34,12 @@ const BETWEEN: f64 = 0.3;
 /// fixed parameters, whose errors call for more smoothing.
 const SOFTER: f64 = 0.1;
 
-/// Share of neighbouring samples that may turn by more than a right angle. Of fits with fixed parameters of 17 scans at 0.5 %
-/// all but two stay below, sharp edges and all; of surfaces above it one sees the creases.
+/// Share of neighbouring samples between which the normal may turn by more than a right angle where moving parameters are
+/// needed to reach the tolerance.
 const CREASED: f64 = 5e-4;
+
+/// What they may add to that share of fixed parameters where those reach the tolerance, too.
+const CREASED_MORE: f64 = 1e-4;
 
 /// Share of the control points of a fit with fixed parameters that one with moving parameters may need at most: what is gained
 /// must be worth less even isolines.
@@ -90,9 +94,9 @@ impl Attempt {
 
     /// Better is what stays near the points without creases, then what reached the tolerance, then what has more points
     /// within it.
-    fn rank(&self, problem: &Problem<'_>) -> (bool, bool, f64) {
+    fn rank(&self, problem: &Problem<'_>, creased: f64) -> (bool, bool, f64) {
         let within = self.fitted.history.last().map_or(0.0, |last| last.deviation.within);
-        (self.hsd <= FAR * problem.diagonal && self.creases <= CREASED, self.reached(), within)
+        (self.hsd <= FAR * problem.diagonal && self.creases <= creased, self.reached(), within)
     }
 
     fn dofs(&self) -> usize {
@@ -141,14 +145,15 @@ pub(crate) fn fit(
     let softer = FitOptions { lambda: LambdaChoice::Fixed(SOFTER * fixed.fitted.lambda), ..moving.clone() };
     let may_be_softer = options.lambda == LambdaChoice::Auto && !fixed.reached();
     let tries = [(&moving, "fitting with moving parameters"), (&softer, "fitting with less smoothing")];
+    let creased = if fixed.reached() { fixed.creases + CREASED_MORE } else { CREASED };
     let mut best = fixed;
     for (options, step) in tries.into_iter().take(1 + usize::from(may_be_softer)) {
         let _ = watch(Event::Step(step));
         let other = attempt(Method::Joint, problem, space, options, watch)?;
-        tracing::info!(best = ?best.rank(problem), other = ?other.rank(problem), "near and smooth, reached, within");
-        let (fit, reached, _) = other.rank(problem);
+        tracing::info!(best = ?best.rank(problem, creased), other = ?other.rank(problem, creased), "near and smooth, reached, within");
+        let (fit, reached, _) = other.rank(problem, creased);
         // What reached the tolerance here needs fewer control points than what did so before.
-        if (fit && reached) || other.rank(problem) > best.rank(problem) {
+        if (fit && reached) || other.rank(problem, creased) > best.rank(problem, creased) {
             best = other;
         }
         if (fit && reached) || best.fitted.stop == Stop::Interrupted {
@@ -243,6 +248,9 @@ fn moving_parameters(
     let mut solver = MovingFit::new(problem.parameters, problem.points, problem.weights, fitting, settings)?;
     if !problem.triangles.is_empty() {
         solver = solver.with_triangles(problem.triangles)?;
+    } else if let Ok(triangles) = triangulate_parameters(problem.parameters) {
+        // No triangles of the scan, whose folding would mean something; but they hold the surface.
+        solver = solver.with_centres(&triangles);
     }
     let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
     let parameters = solver.parameters();
