@@ -97,6 +97,13 @@ impl<const D: usize> SortedPoints<D> {
         &self.order
     }
 
+    /// The place of each point among the sorted ones, by its original index.
+    pub fn places(&self) -> Vec<usize> {
+        let mut places = vec![0; self.len()];
+        self.order.iter().enumerate().for_each(|(at, &index)| places[index as usize] = at);
+        places
+    }
+
     /// The parameter of a sorted point.
     pub fn parameter(&self, at: usize) -> [f64; D] {
         std::array::from_fn(|d| self.parameters[d][at])

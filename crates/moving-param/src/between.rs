@@ -39,7 +39,7 @@ impl Between {
         points: &SortedPoints<D>,
         weight: f64,
     ) -> Result<Option<Self>, Error> {
-        let at_of = places(points);
+        let at_of = points.places();
         let enough = ENOUGH * space.degree().iter().map(|p| p + 1).product::<usize>();
         let offsets = points.offsets();
         let mut kept = Vec::new();
@@ -76,7 +76,7 @@ impl Between {
         points: &SortedPoints<D>,
         parameter: impl Fn(usize) -> [f64; D],
     ) -> Result<SortedPoints<D>, Error> {
-        let at_of = places(points);
+        let at_of = points.places();
         let mut parameters = Array2::zeros((self.triangles.len(), D));
         for (mut row, &triangle) in parameters.outer_iter_mut().zip(&self.triangles) {
             row.iter_mut().zip(centre(space, &parameter, &at_of, triangle)).for_each(|(target, u)| *target = u);
@@ -94,9 +94,12 @@ impl Between {
         parameter: impl Fn(usize) -> [f64; D],
     ) -> Result<f64, Error> {
         let samples = self.samples(map.space(), points, parameter)?;
-        let frames = frames(map, &samples)?;
-        let cost = |(at, frame): (usize, &Frame<D>)| dot(&frame.residual, &self.force(&samples, at, &frame.residual));
-        Ok(0.5 * frames.iter().enumerate().map(cost).sum::<f64>())
+        Ok(self.cost(&samples, &frames(map, &samples)?))
+    }
+
+    fn cost<const D: usize>(&self, samples: &SortedPoints<D>, frames: &[Frame<D>]) -> f64 {
+        let cost = |(at, frame): (usize, &Frame<D>)| dot(&frame.residual, &self.force(samples, at, &frame.residual));
+        0.5 * frames.iter().enumerate().map(cost).sum::<f64>()
     }
 
     /// `W r` at a sample.
@@ -106,13 +109,13 @@ impl Between {
         std::array::from_fn(|k| self.weight * (ALONG * residual[k] + height * normal[k]))
     }
 
-    /// Equations of a step from a map, at the present parameters.
+    /// The energy of a map at the present parameters, and the equations of a step from it.
     pub(crate) fn equations<const D: usize>(
         &self,
         map: &SplineMap<D>,
         pattern: &SymmetricPattern,
         points: &SortedPoints<D>,
-    ) -> Result<BlockEquations, Error> {
+    ) -> Result<(f64, BlockEquations), Error> {
         let samples = self.samples(map.space(), points, |at| points.parameter(at))?;
         let frames = frames(map, &samples)?;
         let n = samples.dim();
@@ -126,7 +129,8 @@ impl Between {
         let pull = |(at, frame): (usize, &Frame<D>)| self.force(&samples, at, &frame.residual).map(|x| -x);
         let pulls: Vec<Vector> = frames.iter().enumerate().map(pull).collect();
         let right: Vec<Vec<f64>> = (0..n).map(|k| part(&pulls, k)).collect();
-        Ok(BlockEquations::new(map.space().as_ref(), pattern, &samples, &weights, &right)?)
+        let equations = BlockEquations::new(map.space().as_ref(), pattern, &samples, &weights, &right)?;
+        Ok((self.cost(&samples, &frames), equations))
     }
 }
 
@@ -151,13 +155,6 @@ fn vertex_normals(triangles: &[[u32; 3]], points: usize, point: impl Fn(u32) -> 
         triangle.iter().for_each(|&i| (0..3).for_each(|k| normals[i as usize][k] += area[k]));
     }
     normals.into_iter().map(unit).collect()
-}
-
-/// The place of each point among the sorted ones.
-fn places<const D: usize>(points: &SortedPoints<D>) -> Vec<usize> {
-    let mut at_of = vec![0; points.len()];
-    points.order().iter().enumerate().for_each(|(at, &index)| at_of[index as usize] = at);
-    at_of
 }
 
 /// The centre of a triangle's parameters, which may lie across a seam.

@@ -57,8 +57,7 @@ impl Triangles {
     /// Parameters are those of the sorted points, `moved` the ones they should get. Returns for each point whether its
     /// move was shortened; what was may then lie a period away.
     pub(crate) fn hold<const D: usize>(&self, points: &SortedPoints<D>, moved: &mut [[f64; D]]) -> Vec<bool> {
-        let mut at_of = vec![0; points.len()];
-        points.order().iter().enumerate().for_each(|(at, &index)| at_of[index as usize] = at);
+        let at_of = points.places();
         let pair = |u: [f64; D]| [u[0], u[D - 1]];
         let before = self.flipped(|i| pair(points.parameter(at_of[i])));
         let target = moved.to_vec();

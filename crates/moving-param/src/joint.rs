@@ -56,11 +56,11 @@ impl<const D: usize> MovingFit<D> {
         moves: &mut Moves,
     ) -> Result<SplineMap<D>, Error> {
         let space = map.space().clone();
-        let map = match previous {
+        let map = match (previous, self.regularity(&space, options)) {
             // A fit at parameters that have moved may fold where what was reached before does not.
-            Some(previous) if options.regularity > 0.0 => {
+            (Some(previous), Some(regularity)) => {
                 let reached = SplineMap::new(space.clone(), transfer(previous, &space)?)?;
-                if regularity::turned(&map, &reached) { reached } else { map }
+                if regularity.turned(&map, &reached) { reached } else { map }
             }
             _ => map,
         };
@@ -149,17 +149,17 @@ impl<const D: usize> MovingFit<D> {
             }
             let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
             let sheet = regularity.as_ref().map(|regularity| Sheet::new(regularity, &map));
+            let held = between.as_ref().map(|b| b.equations(&map, system.pattern(), points)).transpose()?;
             let objective = squares(&distances, &weights)
                 + self.springs(|at| points.parameter(at), &weights)
                 + system.energy_part(&map.coefficients().to_owned())
-                + between.as_ref().map_or(Ok(0.0), |b| b.energy(&map, points, |at| points.parameter(at)))?
+                + held.as_ref().map_or(0.0, |(energy, _)| *energy)
                 + sheet.as_ref().map_or(0.0, Sheet::energy);
-            let further = between.as_ref().map(|b| b.equations(&map, system.pattern(), points)).transpose()?;
             let lowered = loop {
                 let share = |at: usize| Share { point: 0.0, damping: *damping, weight: weights[at] };
                 let columns = columns(self.fit.points(), &frames, &constraints, share);
                 let mut equations = system.equations(&map, self.fit.points(), &columns)?;
-                if let Some(further) = &further {
+                if let Some((_, further)) = &held {
                     equations.merge(further)?;
                 }
                 if let Some((trial, folds)) = regularity::step(system, &equations, &map, sheet.as_ref())? {

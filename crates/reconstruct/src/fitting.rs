@@ -150,10 +150,11 @@ pub(crate) fn fit(
     for (options, step) in tries.into_iter().take(1 + usize::from(may_be_softer)) {
         let _ = watch(Event::Step(step));
         let other = attempt(Method::Joint, problem, space, options, watch)?;
-        tracing::info!(best = ?best.rank(problem, creased), other = ?other.rank(problem, creased), "near and smooth, reached, within");
-        let (fit, reached, _) = other.rank(problem, creased);
+        let (before, now) = (best.rank(problem, creased), other.rank(problem, creased));
+        tracing::info!(?before, ?now, "near and smooth, reached, within");
+        let (fit, reached, _) = now;
         // What reached the tolerance here needs fewer control points than what did so before.
-        if (fit && reached) || other.rank(problem, creased) > best.rank(problem, creased) {
+        if (fit && reached) || now > before {
             best = other;
         }
         if (fit && reached) || best.fitted.stop == Stop::Interrupted {
@@ -185,12 +186,12 @@ fn attempt(
     // The surface need not come near points that count for nothing.
     let kept: Option<Vec<usize>> =
         fitted.counted.as_ref().map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect());
-    let (points, parameters) = match &kept {
-        Some(kept) => (problem.points.select(Axis(0), kept), fitted.parameters.select(Axis(0), kept)),
-        None => (problem.points.to_owned(), fitted.parameters.clone()),
-    };
-    let dhd = directed_hausdorff(&fitted.map, parameters.view(), points.view())?;
-    let hsd = dhd.max(map_to_points(&fitted.map, points.view(), SAMPLES)?);
+    let of_kept = |all: ArrayView2<'_, f64>| kept.as_ref().map(|kept| all.select(Axis(0), kept));
+    let (some_points, some_parameters) = (of_kept(problem.points), of_kept(fitted.parameters.view()));
+    let points = some_points.as_ref().map_or(problem.points, |some| some.view());
+    let parameters = some_parameters.as_ref().map_or(fitted.parameters.view(), |some| some.view());
+    let dhd = directed_hausdorff(&fitted.map, parameters, points)?;
+    let hsd = dhd.max(map_to_points(&fitted.map, points, SAMPLES)?);
     let creases = creases(&fitted.map, CREASE_SAMPLES)?;
     Ok(Attempt { method, fitted, dhd, hsd, creases })
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use fit_ls::{Lambda, LeastSquares, Options};
+use fit_ls::{Lambda, LeastSquares, MarkerRules, Markers, Options, Reweighted, Reweighting, Update};
 use ndarray::{Array2, ArrayView2, Axis};
 use reconstruct::{
     ClosedChoice, CornerChoice, CurveFit, CurveOptions, CurveParameters, KnotChoice, LambdaChoice, Method, Tolerance,
@@ -20,28 +20,16 @@ use super::shapes::{self, Shape};
 /// Degree of all curves.
 const DEGREE: usize = 3;
 
-/// How the weight of a marker that is not yet met grows.
-#[derive(Clone, Copy)]
-enum Growth {
-    /// By `1 + e`, (3.14).
-    ErrorDriven,
-    /// By a factor.
-    Constant(f64),
-}
+/// Tolerance on the markers of Table 3.1, as printed; the update is (3.14).
+const TOLERANCE_1: f64 = 1e-3;
 
-/// Rules of Algorithm 1 with markers of type I.
-struct Rules {
-    tolerance: f64,
-    growth: Growth,
-    most_rounds: usize,
-}
+/// Tolerance and factor of Table 3.2. Neither tolerance nor update is printed; errors of 1e-5 after ten rounds exclude (3.14),
+/// whose factor is nearly 1 by then.
+const TOLERANCE_2: f64 = 2e-5;
+const FACTOR_2: f64 = 4.0;
 
-/// Table 3.1: tolerance and update as printed.
-const TABLE_1: Rules = Rules { tolerance: 1e-3, growth: Growth::ErrorDriven, most_rounds: 5000 };
-
-/// Table 3.2. Neither tolerance nor update is printed; errors of 1e-5 after ten rounds exclude (3.14), whose factor is
-/// nearly 1 by then.
-const TABLE_2: Rules = Rules { tolerance: 2e-5, growth: Growth::Constant(4.0), most_rounds: 100 };
+/// Systems that are solved at most.
+const MOST_ROUNDS: usize = 5001;
 
 /// Errors at the markers and at all points.
 struct Figures {
@@ -71,35 +59,18 @@ impl Figures {
     }
 }
 
-/// Algorithm 1 on the knots of a fit.
-fn reweighted(fit: &CurveFit, values: ArrayView2<'_, f64>, markers: &[usize], rules: &Rules) -> Result<Figures> {
+/// Algorithm 1 on the knots of a fit, with markers of type I.
+fn reweighted(fit: &CurveFit, values: ArrayView2<'_, f64>, markers: &[usize], rules: MarkerRules) -> Result<Figures> {
     let knots = KnotVector::new(DEGREE, fit.report.result.knots.clone())?;
     let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots])?);
     let options = Options { lambda: Lambda::Fixed(0.0), ..Options::default() };
     let parameters = fit.parameters.view().insert_axis(Axis(1));
-    let mut solver = LeastSquares::new(parameters, values, None, options)?;
-    solver.sort_for(&space)?;
-    let order = solver.points().order().to_vec();
-    let mut weights = vec![1.0; values.nrows()];
-    let mut errors = vec![0.0; values.nrows()];
-    let mut rounds = 0;
-    loop {
-        solver.set_weights(Some(order.iter().map(|&i| weights[i as usize]).collect()))?;
-        let map = solver.fit(&space)?;
-        let sorted = solver.distances(&map)?;
-        order.iter().zip(sorted).for_each(|(&i, &e)| errors[i as usize] = e);
-        let unmet: Vec<usize> = markers.iter().copied().filter(|&i| errors[i] >= rules.tolerance).collect();
-        if unmet.is_empty() || rounds == rules.most_rounds {
-            return Ok(Figures::of(&errors, markers, rounds));
-        }
-        for i in unmet {
-            weights[i] *= match rules.growth {
-                Growth::ErrorDriven => 1.0 + errors[i],
-                Growth::Constant(factor) => factor,
-            };
-        }
-        rounds += 1;
-    }
+    let met = Markers { met: markers.to_vec(), ..Markers::default() };
+    let reweighting = Reweighting { markers: Some((met, rules)), ..Reweighting::default() };
+    let mut solver = Reweighted::new(parameters, values, None, options, &reweighting)?;
+    solver.fit(&space, MOST_ROUNDS)?;
+    // The first system has the weights of plain least squares.
+    Ok(Figures::of(solver.errors(), markers, solver.report()?.rounds - 1))
 }
 
 fn plain(knots: KnotChoice) -> CurveOptions {
@@ -118,7 +89,7 @@ fn plain(knots: KnotChoice) -> CurveOptions {
 fn corners_row(shape: &Shape) -> Result<Vec<String>> {
     let fit = fit_sequence(shape.points.view(), shape.name, &plain(KnotChoice::Uniform(shape.inner_knots)))?;
     let ls = Figures::of(&fit.errors.to_vec(), &shape.markers, 0);
-    let rwls = reweighted(&fit, shape.points.view(), &shape.markers, &TABLE_1)?;
+    let rwls = reweighted(&fit, shape.points.view(), &shape.markers, MarkerRules::algorithm_1(TOLERANCE_1, 0.0))?;
     Ok(vec![
         shape.name.to_owned(),
         shape.points.nrows().to_string(),
@@ -207,7 +178,8 @@ impl Function {
             CurveOptions { graph: true, param: CurveParameters::Auto, ..plain(KnotChoice::Averaged(self.inner_knots)) };
         let fit = fit_sequence(graph.view(), self.name, &options)?;
         let ls = Figures::of(&fit.errors.to_vec(), &markers, 0);
-        let rwls = reweighted(&fit, values.view(), &markers, &TABLE_2)?;
+        let rules = MarkerRules { update: Update::Constant(FACTOR_2), ..MarkerRules::algorithm_1(TOLERANCE_2, 0.0) };
+        let rwls = reweighted(&fit, values.view(), &markers, rules)?;
         let smooth = smoothing_spline(&sites, values.view(), &markers)?;
         Ok(vec![
             self.name.to_owned(),
@@ -293,7 +265,7 @@ pub fn document(data: Option<&Path>) -> Result<String> {
          are others, in a box of about 1, with their corners as markers of type I: uniform parameters, uniform knots, \
          Algorithm 1 with the update (3.14) and tolerance {:.0e}. Printed RMSE on the markers: LS 6.27e-3, 2.25e-3, \
          4.63e-3, 5.94e-3; rWLS 8.31e-4, 6.63e-4, 1.47e-3, 3.77e-4, after 1442, 1250, 30 and 81 rounds.\n\n",
-        TABLE_1.tolerance
+        TOLERANCE_1
     );
     let mut rows = Vec::new();
     for shape in shapes::with_corners() {
@@ -314,15 +286,14 @@ pub fn document(data: Option<&Path>) -> Result<String> {
         "rWLS RMSE, all points",
     ];
     text += &table(&header, &rows);
-    let Growth::Constant(factor) = TABLE_2.growth else { unreachable!("Table 3.2 has a constant factor") };
     let _ = write!(
         text,
         "\n## Functions with sharp features (Table 3.2)\n\nThe functions of example 3.1.9 (b) with as many points and inner \
          knots as there; abscissae of our own, denser at the features, knots by averaging, markers at kinks, peaks and \
-         steps. Weights of markers that are not met grow by the factor {factor} until all are within {:.0e}: the thesis \
+         steps. Weights of markers that are not met grow by the factor {FACTOR_2} until all are within {:.0e}: the thesis \
          prints neither its tolerance nor its factor, and (3.14) cannot have made errors of 1e-5 in ten rounds. The smoothing \
          spline has a knot at every point and the weight h³/6 (h the mean step).\n\n",
-        TABLE_2.tolerance
+        TOLERANCE_2
     );
     let mut rows = Vec::new();
     for function in &FUNCTIONS {
