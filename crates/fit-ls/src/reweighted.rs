@@ -108,7 +108,9 @@ impl<const D: usize> Reweighted<D> {
     /// Those of [`LeastSquares::fit`].
     pub fn fit(&mut self, space: &Arc<HierarchicalSpace<D>>, rounds: usize) -> Result<SplineMap<D>, Error> {
         self.prepare(space)?;
-        for round in 1.. {
+        let mut round = 0;
+        loop {
+            round += 1;
             let (map, settled) = self.round(space)?;
             self.settled = settled && self.weights.unsatisfied(&self.errors)? == [0, 0];
             if self.settled || round >= rounds {
@@ -116,7 +118,6 @@ impl<const D: usize> Reweighted<D> {
             }
             self.weights.update_markers(&self.errors)?;
         }
-        unreachable!("the rounds above do not end otherwise")
     }
 
     /// Takes the errors of a map, such as one that the loop kept when a later space failed.
@@ -237,7 +238,9 @@ impl<const D: usize> Solve<D> for Reweighted<D> {
     ) -> Result<Solution<D>, Error> {
         self.prepare(space)?;
         let (mut assemble_seconds, mut solve_seconds) = (0.0, 0.0);
-        for round in 1.. {
+        let mut round = 0;
+        loop {
+            round += 1;
             let (solution, settled) = self.round(space)?;
             assemble_seconds += solution.assemble_seconds;
             solve_seconds += solution.solve_seconds;
@@ -246,7 +249,6 @@ impl<const D: usize> Solve<D> for Reweighted<D> {
                 return Ok(Solution { map: solution.map, assemble_seconds, solve_seconds });
             }
         }
-        unreachable!("the rounds above do not end otherwise")
     }
 
     /// Errors of the points that count.
