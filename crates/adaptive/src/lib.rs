@@ -11,7 +11,7 @@ pub use run::{Iteration, Observer, Options, Outcome, Seconds, Stop, run};
 
 use std::sync::Arc;
 
-use thb_core::{HierarchicalSpace, Refinement, SplineMap};
+use thb_core::{HierarchicalSpace, Mark, Refinement, SplineMap};
 
 /// A method that fits a spline map in a given space.
 pub trait Solve<const D: usize> {
@@ -37,22 +37,22 @@ pub trait Solve<const D: usize> {
     /// MARK: the cells to refine, worst first, of a method that has a rule of its own; it is asked after
     /// [`Solve::estimate`] of the same map. `None` leaves the choice to [`Options::marking`]; no cell at all ends the loop
     /// with [`Stop::Data`].
-    fn mark(&self, _map: &SplineMap<D>, _tolerance: f64) -> Option<Vec<usize>> {
+    fn mark(&self, _map: &SplineMap<D>, _tolerance: f64) -> Option<Vec<Mark>> {
         None
     }
 
     /// REFINE: the space with the marked cells refined, or the same cells where none of them can be. A method with spaces of
-    /// its own, such as B-splines with inserted knots, refines in its own way; the others by [`HierarchicalSpace::refine`].
+    /// its own, such as B-splines with inserted knots, refines in its own way; the others by [`HierarchicalSpace::refine_at`].
     ///
     /// # Errors
     /// Those of the space: they end the loop with [`Stop::Levels`].
     fn refine(
         &self,
         space: &HierarchicalSpace<D>,
-        marked: &[usize],
+        marked: &[Mark],
         refinement: &Refinement<D>,
     ) -> Result<HierarchicalSpace<D>, thb_core::Error> {
-        space.refine(marked, refinement)
+        space.refine_at(marked, refinement)
     }
 }
 
@@ -74,6 +74,8 @@ pub struct Estimate<'a> {
     pub offsets: &'a [usize],
     /// The error of each point, sorted by cell.
     pub errors: &'a [f64],
+    /// The child of its cell that holds each point, see [`Mark`]; empty where only cells as a whole are to be refined.
+    pub children: &'a [u8],
 }
 
 /// Summary of the errors of all points.

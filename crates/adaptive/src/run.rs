@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Mark, Refinement, SplineMap};
 
 use crate::{Deviation, Marking, Solve, mark};
 
@@ -184,7 +184,7 @@ fn iterate<const D: usize, S: Solve<D>>(
     previous: Option<&SplineMap<D>>,
     options: &Options<D>,
     iteration: usize,
-) -> Result<(SplineMap<D>, Iteration, Vec<usize>), S::Error> {
+) -> Result<(SplineMap<D>, Iteration, Vec<Mark>), S::Error> {
     let solution = method.solve(space, previous)?;
     let estimating = Instant::now();
     let estimate = method.estimate(&solution.map)?;
@@ -247,7 +247,7 @@ fn stagnates(record: &Iteration, history: &[Iteration]) -> bool {
 fn refine<const D: usize, S: Solve<D>>(
     method: &S,
     space: &HierarchicalSpace<D>,
-    marked: &[usize],
+    marked: &[Mark],
     options: &Options<D>,
 ) -> Result<HierarchicalSpace<D>, Stop> {
     if marked.is_empty() {

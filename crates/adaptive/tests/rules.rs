@@ -71,7 +71,7 @@ impl<E: Fn([f64; 2], f64) -> f64> Solve<2> for Prescribed<E> {
             }))
             .collect();
         self.errors = of_cells.concat();
-        Ok(Estimate { offsets: &self.offsets, errors: &self.errors })
+        Ok(Estimate { offsets: &self.offsets, errors: &self.errors, children: &[] })
     }
 }
 

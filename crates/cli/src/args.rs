@@ -202,13 +202,14 @@ pub(crate) struct FitArgs {
     #[arg(long, help_heading = "When it is good enough")]
     max_dofs: Option<usize>,
 
-    /// Cells to refine: threshold (those with a point beyond the tolerance) or share:S (those with the worst share S of
+    /// Where to refine: threshold (around points beyond the tolerance) or share:S (those with the worst share S of
     /// the points).
     #[arg(long, default_value_t = FitOptions::default().mark, help_heading = "How it is refined")]
     mark: Mark,
-    /// Cells of the next level by which a marked cell's region is extended, as 2 or 2,1: 2 is one ring of its own level.
-    #[arg(long, default_value_t = FitOptions::default().extension, help_heading = "How it is refined")]
-    extension: Pair,
+    /// Cells of the next level by which the region around points beyond the tolerance is extended, as 2 or 2,1: 2 is one
+    /// ring of cells of their own level. [default: half the degree, the least with which functions fit into the region]
+    #[arg(long, help_heading = "How it is refined")]
+    extension: Option<Pair>,
     /// Keep the mesh admissible of this class (2 or more): few levels meet on a cell. [default: not kept]
     #[arg(long, help_heading = "How it is refined")]
     admissible: Option<usize>,

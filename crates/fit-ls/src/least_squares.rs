@@ -58,6 +58,8 @@ pub struct LeastSquares<const D: usize> {
     /// The energy of the last space.
     energy: Option<(Arc<HierarchicalSpace<D>>, SymmetricMatrix)>,
     errors: Vec<f64>,
+    /// Children of cells that hold the points, at the last estimate.
+    children: Vec<u8>,
 }
 
 impl<const D: usize> LeastSquares<D> {
@@ -78,8 +80,17 @@ impl<const D: usize> LeastSquares<D> {
     pub(crate) fn of(points: SortedPoints<D>, options: Options<D>) -> Result<Self, Error> {
         options.lambda.check()?;
         let lambda = if let Lambda::Fixed(value) = options.lambda { Some(value) } else { None };
-        let errors = Vec::new();
-        Ok(Self { points, sorted_for: None, options, lambda, held: None, solver: None, energy: None, errors })
+        Ok(Self {
+            points,
+            sorted_for: None,
+            options,
+            lambda,
+            held: None,
+            solver: None,
+            energy: None,
+            errors: Vec::new(),
+            children: Vec::new(),
+        })
     }
 
     /// The smoothing weight in use; `None` as long as an automatic one is not chosen.
@@ -286,7 +297,8 @@ impl<const D: usize> Solve<D> for LeastSquares<D> {
 
     fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, Error> {
         self.distances(map)?;
-        Ok(Estimate { offsets: self.points.offsets(), errors: &self.errors })
+        self.children = self.points.children(map.space().as_ref());
+        Ok(Estimate { offsets: self.points.offsets(), errors: &self.errors, children: &self.children })
     }
 }
 

@@ -78,8 +78,8 @@ pub struct Reweighted<const D: usize> {
     settled: bool,
     /// The points that counted when a space was last prepared; `None` before the first look.
     judged: Option<Vec<bool>>,
-    /// Errors of the points that count, by cell of the last map's space.
-    estimate: (Vec<usize>, Vec<f64>),
+    /// Errors of the points that count, by cell of the last map's space, and the children of cells that hold them.
+    estimate: (Vec<usize>, Vec<f64>, Vec<u8>),
 }
 
 impl<const D: usize> Reweighted<D> {
@@ -96,7 +96,7 @@ impl<const D: usize> Reweighted<D> {
     ) -> Result<Self, Error> {
         let solver = LeastSquares::new(parameters, points, confidence, options)?;
         let weights = PointWeights::new::<D>(parameters, confidence, reweighting)?;
-        let estimate = (Vec::new(), Vec::new());
+        let estimate = (Vec::new(), Vec::new(), Vec::new());
         Ok(Self { solver, weights, errors: Vec::new(), rounds: 0, settled: true, judged: None, estimate })
     }
 
@@ -256,16 +256,21 @@ impl<const D: usize> Solve<D> for Reweighted<D> {
         self.measure(map)?;
         let points = self.solver.points();
         let counted = self.weights.counted();
-        let (offsets, errors) = &mut self.estimate;
+        let in_cells = points.children(map.space().as_ref());
+        let (offsets, errors, children) = &mut self.estimate;
         offsets.clear();
         errors.clear();
+        children.clear();
         offsets.push(0);
         for ends in points.offsets().windows(2) {
-            let cell = points.order()[ends[0]..ends[1]].iter().map(|&i| i as usize);
-            errors.extend(cell.filter(|&i| counted[i]).map(|i| self.errors[i]));
+            let counting = (ends[0]..ends[1]).map(|at| (at, points.order()[at] as usize)).filter(|&(_, i)| counted[i]);
+            for (at, index) in counting {
+                errors.push(self.errors[index]);
+                children.push(in_cells[at]);
+            }
             offsets.push(errors.len());
         }
-        Ok(Estimate { offsets, errors })
+        Ok(Estimate { offsets, errors, children })
     }
 }
 

@@ -109,6 +109,18 @@ impl<const D: usize> SortedPoints<D> {
         std::array::from_fn(|d| self.parameters[d][at])
     }
 
+    /// The child of its cell, in the space that the points are sorted for, that holds each point: bit d is set in the upper
+    /// half of direction d, as in [`thb_core::Mark`].
+    pub fn children(&self, space: &impl CellSpace<D>) -> Vec<u8> {
+        let mut children = Vec::with_capacity(self.len());
+        for (number, ends) in self.offsets.windows(2).enumerate() {
+            let cell = space.cell(number);
+            let upper = |d: usize, at: usize| u8::from(2.0 * self.parameters[d][at] >= cell.lower[d] + cell.upper[d]);
+            children.extend((ends[0]..ends[1]).map(|at| (0..D).map(|d| upper(d, at) << d).sum::<u8>()));
+        }
+        children
+    }
+
     /// Parameters in a direction, in the order of the cells.
     pub fn parameters(&self, direction: usize) -> &[f64] {
         &self.parameters[direction]

@@ -6,7 +6,7 @@ use std::time::Instant;
 use adaptive::{Estimate, Solution, Solve};
 use fit_ls::SortedPoints;
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{CellSpace, HierarchicalSpace, Kind, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, Mark, SplineMap};
 
 use crate::cells::{Layout, LevelCells};
 use crate::level::LevelSolver;
@@ -273,22 +273,16 @@ impl<const D: usize> Solve<D> for QuasiInterpolation<D> {
 
     fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, Error> {
         self.distances(map)?;
-        Ok(Estimate { offsets: self.points.offsets(), errors: &self.errors })
+        Ok(Estimate { offsets: self.points.offsets(), errors: &self.errors, children: &[] })
     }
 
     /// Algorithm 4: the supports of functions with an error beyond the tolerance and points enough.
-    fn mark(&self, map: &SplineMap<D>, tolerance: f64) -> Option<Vec<usize>> {
+    fn mark(&self, map: &SplineMap<D>, tolerance: f64) -> Option<Vec<Mark>> {
         let Prepared { order, levels } = self.prepared.as_ref()?;
-        let estimate = Estimate { offsets: self.points.offsets(), errors: &self.errors };
+        let estimate = Estimate { offsets: self.points.offsets(), errors: &self.errors, children: &[] };
         let needed = self.options.points_to_refine(map.space().degree());
-        Some(mark_functions(
-            map.space(),
-            estimate,
-            tolerance,
-            (order, levels),
-            &self.points,
-            needed,
-            self.options.splits,
-        ))
+        let splits = self.options.splits;
+        let cells = mark_functions(map.space(), estimate, tolerance, (order, levels), &self.points, needed, splits);
+        Some(cells.into_iter().map(Mark::whole).collect())
     }
 }

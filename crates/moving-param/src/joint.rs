@@ -148,7 +148,11 @@ impl<const D: usize> MovingFit<D> {
                 break;
             }
             let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
-            let sheet = regularity.as_ref().map(|regularity| Sheet::new(regularity, &map));
+            // As long as distances are beyond the tolerance folds cost as much as they do: for less a step would fold first,
+            // and then not be taken.
+            let level = squares(&distances, &weights).max(0.5 * self.options.tolerance.powi(2) * points.total_weight());
+            let fold_weight = options.regularity * 2.0 * level / space.n_cells() as f64;
+            let sheet = regularity.as_ref().map(|regularity| Sheet::new(regularity, &map, fold_weight));
             let held = between.as_ref().map(|b| b.equations(&map, system.pattern(), points)).transpose()?;
             let objective = squares(&distances, &weights)
                 + self.springs(|at| points.parameter(at), &weights)
@@ -201,14 +205,10 @@ impl<const D: usize> MovingFit<D> {
         Between::new(&self.centres, space, self.fit.points(), options.between)
     }
 
-    /// The penalty on folds of surfaces in space: a sample that folds costs as much as its share of the points would at
-    /// `√regularity` times the tolerance, up to a factor.
+    /// The samples for the penalty on folds of surfaces in space.
     fn regularity(&self, space: &HierarchicalSpace<D>, options: &JointOptions) -> Option<Regularity> {
-        let points = self.fit.points();
-        (options.regularity > 0.0 && D == 2 && points.dim() == 3).then(|| {
-            let weight = options.regularity * self.options.tolerance.powi(2) * points.total_weight();
-            Regularity::new(space.degree(), weight / space.n_cells() as f64)
-        })
+        let penalized = options.regularity > 0.0 && D == 2 && self.fit.points().dim() == 3;
+        penalized.then(|| Regularity::new(space.degree()))
     }
 
     /// Half the weighted energy of the springs, parameters and weights by the places of the sorted points.

@@ -93,8 +93,8 @@ pub struct JointOptions {
     /// between points, but are no data: errors do not fall to round-off. Needs triangles
     /// ([`crate::MovingFit::with_centres`]). 0 for none.
     pub between: f64,
-    /// How much it costs that a surface in space folds, in squared tolerances for each point of the part that folds. 0 for
-    /// nothing.
+    /// How much it costs that a surface in space folds: for each point of the part that folds, times the mean squared distance
+    /// before each step, or the squared tolerance if that is larger. 0 for nothing.
     pub regularity: f64,
 }
 

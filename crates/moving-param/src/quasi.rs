@@ -7,7 +7,7 @@ use adaptive::{Estimate, Solution, Solve};
 use fit_ls::SortedPoints;
 use fit_qi::QuasiInterpolation;
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{HierarchicalSpace, SplineMap};
+use thb_core::{HierarchicalSpace, Mark, SplineMap};
 
 use crate::constraint::Constraints;
 use crate::foot_point::{FootPoints, foot_points};
@@ -133,7 +133,7 @@ impl<const D: usize> Solve<D> for MovingQuasi<D> {
         Ok(Solve::estimate(&mut self.method, map)?)
     }
 
-    fn mark(&self, map: &SplineMap<D>, tolerance: f64) -> Option<Vec<usize>> {
+    fn mark(&self, map: &SplineMap<D>, tolerance: f64) -> Option<Vec<Mark>> {
         self.method.mark(map, tolerance)
     }
 }

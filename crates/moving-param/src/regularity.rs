@@ -31,14 +31,13 @@ const HALVINGS: usize = 4;
 /// leave a part of the domain whose image then folds at no distance from any of them.
 #[derive(Debug)]
 pub(crate) struct Regularity {
-    weight: f64,
     /// For each sample of a cell the derivatives of the Bernstein polynomials in both directions, on the unit square.
     slopes: Vec<[Vec<f64>; 2]>,
 }
 
 impl Regularity {
-    /// For surfaces of a degree, with the weight `64 ω` of a cell.
-    pub(crate) fn new<const D: usize>(degree: [usize; D], weight: f64) -> Self {
+    /// For surfaces of a degree.
+    pub(crate) fn new<const D: usize>(degree: [usize; D]) -> Self {
         let [p, q] = [degree[0], degree[D - 1]];
         let basis = |degree: usize, order: usize, sample: usize| {
             let mut values = [0.0; thb_core::MAX_DEGREE + 1];
@@ -50,7 +49,7 @@ impl Regularity {
             across[..=q].iter().flat_map(|b| along[..=p].iter().map(move |a| a * b)).collect::<Vec<f64>>()
         };
         let slopes = (0..PER_CELL).map(|g| [products(g, [1, 0]), products(g, [0, 1])]).collect();
-        Self { weight: weight / PER_CELL as f64, slopes }
+        Self { slopes }
     }
 
     /// `S_u` and `S_v` at a sample.
@@ -79,7 +78,7 @@ impl Regularity {
 
     /// Whether a surface has turned over at samples where one before it had not.
     pub(crate) fn turned<const D: usize>(&self, map: &SplineMap<D>, before: &SplineMap<D>) -> bool {
-        let sheet = Sheet::new(self, before);
+        let sheet = Sheet::new(self, before, 0.0);
         sheet.folds(map).turned > sheet.own.turned
     }
 }
@@ -87,6 +86,8 @@ impl Regularity {
 /// A surface before a step, at the samples.
 pub(crate) struct Sheet<'a, const D: usize> {
     regularity: &'a Regularity,
+    /// `ω`.
+    weight: f64,
     /// `n_g`.
     normals: Vec<Vector>,
     /// `a_g` of each cell.
@@ -105,7 +106,8 @@ struct Folds {
 }
 
 impl<'a, const D: usize> Sheet<'a, D> {
-    pub(crate) fn new(regularity: &'a Regularity, map: &SplineMap<D>) -> Self {
+    /// The sheet of a map, with the weight `64 ω` of a cell.
+    pub(crate) fn new(regularity: &'a Regularity, map: &SplineMap<D>, weight: f64) -> Self {
         let vectors = regularity.area_vectors(map);
         let areas = vectors
             .chunks_exact(PER_CELL)
@@ -113,7 +115,7 @@ impl<'a, const D: usize> Sheet<'a, D> {
         let normals = vectors.chunks_exact(PER_CELL).flat_map(|cell| (0..PER_CELL).map(|g| mean_normal(cell, g)));
         let (areas, normals) = (areas.collect(), normals.collect());
         let own = Folds { energy: 0.0, low: Vec::new(), turned: 0 };
-        let mut sheet = Self { regularity, normals, areas, own };
+        let mut sheet = Self { regularity, weight: weight / PER_CELL as f64, normals, areas, own };
         sheet.own = sheet.folds_among(&vectors);
         sheet
     }
@@ -132,7 +134,7 @@ impl<'a, const D: usize> Sheet<'a, D> {
         for (sample, vector) in vectors.iter().enumerate() {
             let share = self.share(sample, vector);
             if share < LEAST_AREA {
-                folds.energy += 0.5 * self.regularity.weight * (LEAST_AREA - share).powi(2);
+                folds.energy += 0.5 * self.weight * (LEAST_AREA - share).powi(2);
                 folds.low.push(sample as u32);
                 folds.turned += usize::from(share <= 0.0);
             }
@@ -146,34 +148,55 @@ impl<'a, const D: usize> Sheet<'a, D> {
         if area > 0.0 { dot(vector, &self.normals[sample]) / area } else { 1.0 }
     }
 
-    /// Adds the linearized penalty of some samples to the equations of a step from the map of this sheet.
+    /// Adds the linearized penalty of some samples, increasing, to the equations of a step from the map of this sheet.
     fn add(&self, map: &SplineMap<D>, low: &[u32], matrix: &mut SymmetricMatrix, right: &mut Array2<f64>) {
-        let mut scratch = Vec::new();
-        for sample in low.iter().map(|&g| g as usize) {
-            let cell = map.space().cell(sample / PER_CELL);
-            let (area, normal) = (self.areas[sample / PER_CELL], &self.normals[sample]);
-            let [u, v] = self.regularity.tangents(map, sample);
-            let share = self.share(sample, &cross(&u, &v));
-            // dJ = (dS_u · (S_v × n) + dS_v · (n × S_u)) / a.
-            let (along, size) = ([cross(&v, normal), cross(normal, &u)], cell.size());
-            let slopes = &self.regularity.slopes[sample % PER_CELL];
-            let mut gradient: Vec<f64> = (0..cell.n_local() * 3)
-                .map(|i| {
-                    let (function, k) = (i / 3, i % 3);
-                    let part = |e: usize, d: usize| slopes[e][function] * along[e][k] / (size[d] * area);
-                    part(0, 0) + part(1, D - 1)
-                })
-                .collect();
-            cell.pull_back(&mut gradient, 3, &mut scratch);
-            let weight = self.regularity.weight;
-            let unknowns: Vec<u32> = cell.functions.iter().flat_map(|&f| (0..3).map(move |k| 3 * f + k)).collect();
-            for (&unknown, g) in unknowns.iter().zip(&gradient) {
-                right[[unknown as usize, 0]] += weight * (LEAST_AREA - share) * g;
-            }
-            let outer: Vec<f64> = gradient.iter().flat_map(|a| gradient.iter().map(move |b| weight * a * b)).collect();
-            matrix.add_cell(&unknowns, &outer);
+        let of_one_cell = |a: &u32, b: &u32| a / PER_CELL as u32 == b / PER_CELL as u32;
+        let cells: Vec<&[u32]> = low.chunk_by(of_one_cell).collect();
+        let parts: Vec<CellPart> = cells.into_par_iter().map(|samples| self.part(map, samples)).collect();
+        for CellPart { unknowns, matrix: values, right: pull } in parts {
+            matrix.add_cell(&unknowns, &values);
+            unknowns.iter().zip(pull).for_each(|(&unknown, x)| right[[unknown as usize, 0]] += x);
         }
     }
+
+    /// The linearized penalty of samples of one cell.
+    fn part(&self, map: &SplineMap<D>, samples: &[u32]) -> CellPart {
+        let number = samples[0] as usize / PER_CELL;
+        let (cell, area) = (map.space().cell(number), self.areas[number]);
+        let size = cell.size();
+        let unknowns: Vec<u32> = cell.functions.iter().flat_map(|&f| (0..3).map(move |k| 3 * f + k)).collect();
+        let n = unknowns.len();
+        let mut part = CellPart { unknowns, matrix: vec![0.0; n * n], right: vec![0.0; n] };
+        let (mut gradient, mut scratch) = (Vec::new(), Vec::new());
+        for sample in samples.iter().map(|&g| g as usize) {
+            let normal = &self.normals[sample];
+            let [u, v] = self.regularity.tangents(map, sample);
+            let lack = self.weight * (LEAST_AREA - self.share(sample, &cross(&u, &v)));
+            // dJ = (dS_u · (S_v × n) + dS_v · (n × S_u)) / a.
+            let along =
+                [cross(&v, normal).map(|x| x / (size[0] * area)), cross(normal, &u).map(|x| x / (size[D - 1] * area))];
+            let [across_u, across_v] = &self.regularity.slopes[sample % PER_CELL];
+            gradient.clear();
+            for (a, b) in across_u.iter().zip(across_v) {
+                gradient.extend((0..3).map(|k| a * along[0][k] + b * along[1][k]));
+            }
+            cell.pull_back(&mut gradient, 3, &mut scratch);
+            for (i, a) in gradient.iter().enumerate() {
+                part.right[i] += lack * a;
+                let row = &mut part.matrix[i * n..][..=i];
+                row.iter_mut().zip(&gradient).for_each(|(x, b)| *x += self.weight * a * b);
+            }
+        }
+        part
+    }
+}
+
+/// The linearized penalty of one cell: what it adds to the equations of some unknowns.
+struct CellPart {
+    unknowns: Vec<u32>,
+    /// The lower triangle, row-major.
+    matrix: Vec<f64>,
+    right: Vec<f64>,
 }
 
 /// The direction of the sum of the area vectors at a sample of a cell and its neighbours in the cell.
@@ -252,7 +275,7 @@ mod tests {
 
     #[test]
     fn a_site_pushed_beyond_its_neighbours_turns_the_surface() {
-        let turned = |moved: f64| Regularity::new([2, 2], 1.0).turned(&sheet(moved), &sheet(0.0));
+        let turned = |moved: f64| Regularity::new([2, 2]).turned(&sheet(moved), &sheet(0.0));
         assert!(!turned(0.0));
         assert!(!turned(0.1));
         assert!(turned(0.9));
@@ -262,9 +285,9 @@ mod tests {
     fn the_linearized_penalty_has_the_gradient_of_the_penalty() {
         let map = sheet(0.42);
         let before = sheet(0.0);
-        let regularity = Regularity::new([2, 2], 640.0);
+        let regularity = Regularity::new([2, 2]);
         // Against the sheet of the map itself nothing is low; against the one before it something is.
-        let sheet = Sheet::new(&regularity, &before);
+        let sheet = Sheet::new(&regularity, &before, 640.0);
         let folds = sheet.folds(&map);
         assert!(!folds.low.is_empty() && folds.energy > 0.0);
         let pattern = SymmetricPattern::new(map.space().as_ref()).blocked(3);

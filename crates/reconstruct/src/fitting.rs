@@ -324,7 +324,7 @@ fn loop_options(options: &FitOptions, tolerance: f64, points: usize) -> adaptive
         within: options.within,
         marking: options.mark.0,
         refinement: Refinement {
-            extension: options.extension.0,
+            extension: options.extension(),
             admissible: options.admissible,
             max_levels: options.levels,
         },

@@ -51,8 +51,9 @@ pub struct FitOptions {
     pub max_step_control_points: usize,
     /// Which cells are refined.
     pub mark: Mark,
-    /// Extension of a marked cell's region, in cells of the next level.
-    pub extension: Pair,
+    /// Extension of a marked region, in cells of the next level; `None` for half the degree, the least with which functions
+    /// of the next level fit into it.
+    pub extension: Option<Pair>,
     /// Class of admissibility to keep, if any.
     pub admissible: Option<usize>,
     /// How the smoothing energy is integrated.
@@ -88,7 +89,7 @@ impl Default for FitOptions {
             max_dofs: None,
             max_step_control_points: 20_000,
             mark: Mark(Marking::Threshold),
-            extension: Pair([2, 2]),
+            extension: None,
             admissible: None,
             energy: Energy::Exact,
             units: LengthUnit::Millimetre,
@@ -100,6 +101,11 @@ impl Default for FitOptions {
 }
 
 impl FitOptions {
+    /// The extension of a marked region, in cells of the next level.
+    pub fn extension(&self) -> [usize; 2] {
+        self.extension.map_or(self.degree.0.map(|p| p / 2), |given| given.0)
+    }
+
     /// Checks ranges that types do not express.
     ///
     /// # Errors
@@ -118,7 +124,8 @@ impl FitOptions {
         )?;
         range("--within", self.within.to_string(), "0 to 1", (0.0..=1.0).contains(&self.within))?;
         range("--levels", self.levels.to_string(), "1 to 16", (1..=MAX_LEVELS).contains(&self.levels))?;
-        range("--extension", self.extension.to_string(), "0 to 64", self.extension.0.iter().all(|&k| k <= 64))?;
+        let [u, v] = self.extension();
+        range("--extension", Pair([u, v]).to_string(), "0 to 64", u.max(v) <= 64)?;
         range("--admissible", format!("{:?}", self.admissible), "2 or more", self.admissible.is_none_or(|m| m >= 2))?;
         if let BlendChoice::Constant(gamma) = self.blend {
             range("--blend", gamma.to_string(), "0 to 1", (0.0..=1.0).contains(&gamma))?;

@@ -234,15 +234,15 @@ impl KnotVector {
         self.support(first).start..self.support(first + p).end
     }
 
-    /// The spans within a distance, in spans, of a span, each once; in a periodic vector modulo [`KnotVector::n_spans`].
-    pub fn neighbourhood(&self, span: usize, distance: usize) -> Range<usize> {
+    /// A span, so many before it and so many after it, each once; in a periodic vector modulo [`KnotVector::n_spans`].
+    pub fn neighbourhood(&self, span: usize, [before, after]: [usize; 2]) -> Range<usize> {
         let n = self.n_spans();
         if self.periodic {
-            let distance = distance.min(n / 2);
-            let start = self.before(span, distance);
-            return start..start + (2 * distance + 1).min(n);
+            let before = before.min(n - 1);
+            let start = self.before(span, before);
+            return start..start + before + (after + 1).min(n - before);
         }
-        span.saturating_sub(distance)..(span + distance + 1).min(n)
+        span.saturating_sub(before)..(span + after + 1).min(n)
     }
 
     /// The index `distance` places before another one on the circle of spans.

@@ -51,7 +51,7 @@ pub use hierarchical::{HierarchicalSpace, Kind};
 pub use knots::KnotVector;
 pub use map::{BezierMap, SplineMap};
 pub use mesh::{HierarchicalMesh, NodeId};
-pub use refine::Refinement;
+pub use refine::{Mark, Refinement};
 pub use space::{Cell, CellSpace, Extraction};
 pub use sparse::{SymmetricMatrix, SymmetricPattern};
 pub use tensor::TensorSpace;

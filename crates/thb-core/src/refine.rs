@@ -5,12 +5,36 @@ use std::ops::Range;
 use crate::tensor::unravel;
 use crate::{CellSpace, Error, HierarchicalMesh, HierarchicalSpace, Kind, KnotVector, MAX_LEVELS};
 
+/// A place to refine: a cell, or one of the `2^D` equal parts that it is split into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// Number of the cell.
+    pub cell: usize,
+    /// The part: bit d is set in the upper half of direction d. `None` for the cell as a whole.
+    pub child: Option<u8>,
+}
+
+impl Mark {
+    /// The cell as a whole.
+    pub fn whole(cell: usize) -> Self {
+        Self { cell, child: None }
+    }
+
+    /// Whether the marked part holds the lower and the upper half of a direction.
+    fn halves(self, direction: usize) -> [bool; 2] {
+        self.child.map_or([true; 2], |child| {
+            let upper = (child >> direction) & 1 == 1;
+            [!upper, upper]
+        })
+    }
+}
+
 /// How marked cells are refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refinement<const D: usize> {
-    /// Cells of the *next* level by which the region of a marked cell is extended on each side, per direction; the result
-    /// is rounded outward to whole cells. 2 is one ring of the marked cell's own level, 4 two rings. In periodic directions
-    /// the region goes on across the seam.
+    /// Cells of the *next* level by which the marked region is extended on each side, per direction; the result is rounded
+    /// outward to whole cells. Around a marked child 1 is the neighbour on the side of that child, 2 one ring of the cell's
+    /// own level. In periodic directions the region goes on across the seam.
     pub extension: [usize; D],
     /// Keep the mesh admissible of this class (at least 2): on each cell, at most that many successive levels of
     /// functions do not vanish (Buffa & Giannelli 2016).
@@ -26,17 +50,26 @@ impl<const D: usize> Default for Refinement<D> {
 }
 
 impl<const D: usize> HierarchicalSpace<D> {
-    /// The space on the mesh with the marked cells (by cell number) refined. Cells that `max_levels` forbids to split
-    /// are left as they are.
+    /// The space on the mesh with the marked cells (by cell number) refined: [`HierarchicalSpace::refine_at`] for whole cells.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn refine(&self, marked: &[usize], refinement: &Refinement<D>) -> Result<Self, Error> {
+        let marks: Vec<Mark> = marked.iter().map(|&cell| Mark::whole(cell)).collect();
+        self.refine_at(&marks, refinement)
+    }
+
+    /// The space on the mesh with the marked places refined. Cells that `max_levels` forbids to split are left as they are.
     ///
     /// # Errors
     /// [`Error::Shape`] for a cell that does not exist or an admissibility class below 2.
-    pub fn refine(&self, marked: &[usize], refinement: &Refinement<D>) -> Result<Self, Error> {
+    pub fn refine_at(&self, marked: &[Mark], refinement: &Refinement<D>) -> Result<Self, Error> {
         if let Some(class) = refinement.admissible.filter(|&m| m < 2) {
             return Err(Error::Shape { what: "class of admissibility", given: class, expected: 2 });
         }
         let mut mesh = self.mesh().clone();
-        for &cell in marked {
+        for &mark in marked {
+            let cell = mark.cell;
             if cell >= self.n_cells() {
                 return Err(Error::Shape { what: "marked cell", given: cell, expected: self.n_cells() });
             }
@@ -46,9 +79,13 @@ impl<const D: usize> HierarchicalSpace<D> {
                 continue;
             }
             let index = self.mesh().cell_index(node);
-            let rings = refinement.extension.map(|cells| cells.div_ceil(2));
+            // On the side where a child lies within its cell one cell of the next level is covered before the end.
+            let reach = |d: usize| {
+                let extension = refinement.extension[d];
+                mark.halves(d).map(|near| if near { extension.div_ceil(2) } else { extension / 2 })
+            };
             let neighbours =
-                self.ranges(level, |d, knots: &KnotVector| knots.neighbourhood(index[d] as usize, rings[d]))?;
+                self.ranges(level, |d, knots: &KnotVector| knots.neighbourhood(index[d] as usize, reach(d)))?;
             let grid = self.mesh().grid(level);
             for_each_in_box(neighbours, grid, |cell| self.split(&mut mesh, level, cell, refinement.admissible))?;
         }
@@ -109,4 +146,52 @@ fn for_each_in_box<const D: usize>(
         each(std::array::from_fn(|d| ((ranges[d].start + offset[d]) % grid[d]) as u32))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn space(degree: usize) -> HierarchicalSpace<2> {
+        let knots = KnotVector::uniform(degree, 8).unwrap();
+        HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap()
+    }
+
+    /// The cells of level 0, by column and row, that refining around a child of the cell in column 3 and row 3 splits.
+    fn split(child: Option<u8>, extension: usize) -> Vec<[u32; 2]> {
+        let coarse = space(2);
+        let cell = coarse.locate_cell([3.5 / 8.0; 2]).unwrap();
+        let refinement = Refinement { extension: [extension; 2], ..Refinement::default() };
+        let fine = coarse.refine_at(&[Mark { cell, child }], &refinement).unwrap();
+        let places = (0..64).map(|i| [i % 8, i / 8]);
+        places.filter(|&index| fine.mesh().find(0, index).is_some_and(|node| !fine.mesh().is_leaf(node))).collect()
+    }
+
+    #[test]
+    fn a_region_goes_as_far_as_the_extension_of_the_child() {
+        assert_eq!(split(Some(0), 0), [[3, 3]]);
+        assert_eq!(split(Some(0), 1), [[2, 2], [3, 2], [2, 3], [3, 3]]);
+        assert_eq!(split(Some(1), 1), [[3, 2], [4, 2], [3, 3], [4, 3]]);
+        assert_eq!(split(Some(3), 1), [[3, 3], [4, 3], [3, 4], [4, 4]]);
+        // Even extensions are those of the cell.
+        for child in 0..4 {
+            assert_eq!(split(Some(child), 2), split(None, 2));
+        }
+        assert_eq!(split(None, 1), split(None, 2));
+        assert_eq!(split(Some(2), 3).len(), 16);
+    }
+
+    #[test]
+    fn half_the_degree_is_the_least_extension_with_which_functions_fit_in() {
+        for degree in 1..=6 {
+            let coarse = space(degree);
+            let mark = Mark { cell: coarse.locate_cell([3.5 / 8.0; 2]).unwrap(), child: Some(2) };
+            let functions = |extension: usize| {
+                let refinement = Refinement { extension: [extension; 2], ..Refinement::default() };
+                coarse.refine_at(&[mark], &refinement).unwrap().n_functions()
+            };
+            assert!(functions(degree / 2) > coarse.n_functions(), "degree {degree}");
+            assert!(degree < 2 || functions(degree / 2 - 1) == coarse.n_functions(), "degree {degree}");
+        }
+    }
 }

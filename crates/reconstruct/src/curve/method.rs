@@ -6,7 +6,7 @@ use adaptive::{Estimate, Marking, Solution, Solve};
 use fit_ls::{Fixed, Lambda, LeastSquares, schoenberg_whitney};
 use moving_param::{Moves, MovingFit};
 use ndarray::{Array1, Array2, Axis};
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Mark, Refinement, SplineMap};
 
 use super::sequence::Sequence;
 
@@ -118,17 +118,17 @@ impl Solve<1> for CurveMethod<'_> {
         Ok(estimate)
     }
 
-    fn mark(&self, _map: &SplineMap<1>, _tolerance: f64) -> Option<Vec<usize>> {
-        Some(self.marked.clone())
+    fn mark(&self, _map: &SplineMap<1>, _tolerance: f64) -> Option<Vec<Mark>> {
+        Some(self.marked.iter().map(|&span| Mark::whole(span)).collect())
     }
 
     fn refine(
         &self,
         space: &HierarchicalSpace<1>,
-        marked: &[usize],
+        marked: &[Mark],
         _refinement: &Refinement<1>,
     ) -> Result<HierarchicalSpace<1>, thb_core::Error> {
-        let places: Vec<f64> = marked.iter().filter_map(|&span| self.places.get(span).copied().flatten()).collect();
+        let places: Vec<f64> = marked.iter().filter_map(|mark| self.places.get(mark.cell).copied().flatten()).collect();
         let knots = space.knots(0, 0)?;
         let present = self.fixed.points().parameters(0);
         // Moves that do harm are undone, and then the first parameters have to determine the curve.
@@ -182,8 +182,8 @@ fn mark_divisible(
         listed.extend_from_slice(&errors[span]);
         offsets.push(listed.len());
     }
-    let among = adaptive::mark(Estimate { offsets: &offsets, errors: &listed }, marking, tolerance);
-    among.into_iter().map(|k| spans[k]).collect()
+    let among = adaptive::mark(Estimate { offsets: &offsets, errors: &listed, children: &[] }, marking, tolerance);
+    among.into_iter().map(|mark| spans[mark.cell]).collect()
 }
 
 /// The coarsest dyadic place of a span with points on both its sides: with a point in every span no function lacks data.
