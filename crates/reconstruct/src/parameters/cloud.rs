@@ -6,8 +6,8 @@ use param_classic::{
 };
 use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
 
-use super::{Layout, mesh, network};
-use crate::parameter_options::{Networks, ParameterChoice};
+use super::{Layout, mesh, network, tube};
+use crate::parameter_options::{Closed, Networks, ParameterChoice};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
 /// Distance from the mesh over a cloud, in spacings, from which on a point is not of the surface.
@@ -29,6 +29,9 @@ pub(super) fn lay_out(
     options: &ParameterOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
+    if options.closed != Closed::None {
+        return tube::of_cloud(&cloud, choice, options, watch);
+    }
     let _ = watch(Event::Step("spanning a mesh over the cloud"));
     let found = find_boundary(cloud.points.view(), &BoundaryParams::default());
     let spanned = match (found, &cloud.boundary) {

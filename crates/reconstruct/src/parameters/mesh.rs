@@ -9,8 +9,8 @@ use point_cloud::{
 };
 
 use super::cloud::Cloud;
-use super::{Layout, corners_among, large};
-use crate::parameter_options::{ParameterChoice, Refine};
+use super::{Layout, corners_among, large, tube};
+use crate::parameter_options::{Closed, ParameterChoice, Refine};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
 /// Share of the triangles up to which pieces besides the largest are stray and left out.
@@ -132,6 +132,9 @@ fn map(
     options: &ParameterOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
+    if options.closed != Closed::None {
+        return tube::of_mesh(&disk, choice, options, watch);
+    }
     let hole = |rim: &point_cloud::BoundaryLoop| HoleReport { points: rim.vertices.len(), length: rim.length };
     let holes: Vec<HoleReport> = disk.holes().iter().map(hole).collect();
     let points = disk.vertices().to_owned();
@@ -183,5 +186,6 @@ impl Layout {
         self.triangles.iter_mut().for_each(|t| *t = t.map(place));
         self.boundary.iter_mut().for_each(|i| *i = place(*i));
         self.corners = self.corners.map(|corners| corners.map(place));
+        self.seam = self.seam.map(|seam| seam.map(place));
     }
 }
