@@ -38,6 +38,7 @@ mod picture;
 mod quasi;
 mod report;
 mod reweighting;
+mod trim;
 mod watch;
 
 pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};

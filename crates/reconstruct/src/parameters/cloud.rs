@@ -80,6 +80,7 @@ fn by_spanned_mesh(
         rows: (0..cloud.points.nrows() as u32).collect(),
         boundary: found.outer.clone(),
         holes: found.holes.iter().map(|rim| hole(cloud, rim)).collect(),
+        rims: found.holes.clone(),
         method: if refined { "spanned mesh, mean-value, refined" } else { "spanned mesh, mean-value" },
         ..Layout::default()
     };
@@ -149,6 +150,7 @@ fn by_boundary(
         rows: (0..cloud.points.nrows() as u32).collect(),
         boundary: outer.clone(),
         holes: spanned.map(|found| found.holes.iter().map(|rim| hole(cloud, rim)).collect()).unwrap_or_default(),
+        rims: spanned.map(|found| found.holes.clone()).unwrap_or_default(),
         corners: Some(positions.map(|at| outer[at])),
         method,
         warnings,

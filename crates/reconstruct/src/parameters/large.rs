@@ -112,6 +112,7 @@ pub(super) fn lay_out(
         }
         (parameters, folds) = (moved, then);
     }
+    let rims = part.rims.iter().map(|rim| rim.iter().map(|&i| place(i)).collect()).collect();
     Ok(Layout {
         boundary: part.boundary.iter().map(|&i| place(i)).collect(),
         corners: part.corners.map(|corners| corners.map(place)),
@@ -121,6 +122,7 @@ pub(super) fn lay_out(
         parameters,
         rows,
         subset: Some(kept.len()),
+        rims,
         holes: part.holes,
         method: part.method,
         refined: part.refined,

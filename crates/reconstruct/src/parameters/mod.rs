@@ -43,6 +43,8 @@ pub struct Parameterized {
     pub triangles: Vec<[u32; 3]>,
     /// The points of the outer boundary in order; empty where it was not needed.
     pub boundary: Vec<u32>,
+    /// The points round each hole that was found, in order, in the order of the holes of the report.
+    pub rims: Vec<Vec<u32>>,
     /// Whether the parameters run against the triangles of the input.
     pub reversed: bool,
     /// Whether u and whether v wraps at 1; a triangle may then lie across the seam.
@@ -63,6 +65,8 @@ struct Layout {
     triangles: Vec<[u32; 3]>,
     boundary: Vec<u32>,
     holes: Vec<HoleReport>,
+    /// The points round each of them.
+    rims: Vec<Vec<u32>>,
     corners: Option<[u32; 4]>,
     /// Of each end of a tube the point nearest to the seam.
     seam: Option<[u32; 2]>,
@@ -125,9 +129,9 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     report.stray = found.stray;
     report.seconds = start.elapsed().as_secs_f64();
     let rows = (0..layout.rows.len() as u32).map(in_file).collect();
-    let Layout { points, parameters, triangles, boundary, reversed, .. } = layout;
+    let Layout { points, parameters, triangles, boundary, rims, reversed, .. } = layout;
     let closed = options.closed.directions();
-    Ok(Parameterized { points, parameters, rows, triangles, boundary, reversed, closed, report, warnings })
+    Ok(Parameterized { points, parameters, rows, triangles, boundary, rims, reversed, closed, report, warnings })
 }
 
 /// Lays points out in the way asked for; `rows` are theirs in the file.

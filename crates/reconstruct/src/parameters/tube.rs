@@ -62,7 +62,7 @@ pub(super) fn of_cloud(
     confine(&mut parameters, directions);
     let of_cloud = |v: u32| rows[v as usize] as u32;
     layout.triangles.iter_mut().for_each(|t| *t = t.map(of_cloud));
-    layout.boundary.iter_mut().for_each(|v| *v = of_cloud(*v));
+    layout.boundary.iter_mut().chain(layout.rims.iter_mut().flatten()).for_each(|v| *v = of_cloud(*v));
     layout.seam = layout.seam.map(|seam| seam.map(of_cloud));
     (layout.points, layout.parameters) = (cloud.points.clone(), parameters);
     layout.rows = (0..points.nrows() as u32).collect();
@@ -202,6 +202,7 @@ pub(super) fn of_mesh(
         triangles: disk.triangles().to_vec(),
         boundary: ends.ends.iter().flat_map(|rim| rim.vertices.iter().copied()).collect(),
         holes: ends.holes.iter().map(hole).collect(),
+        rims: ends.holes.iter().map(|rim| rim.vertices.clone()).collect(),
         seam: Some(seam),
         refined: report.rounds > 0,
         method: match (uniform, report.rounds > 0) {
