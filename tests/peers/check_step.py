@@ -2,7 +2,7 @@
 """Opens a STEP file with Open CASCADE (package cadquery-ocp) and checks shape and points.
 
 Usage: check_step.py MODEL.step POINTS.csv [TOLERANCE] [--faces N] [--unit millimetre|metre|inch] [--flipped]
-                     [--closed u|v|uv] [--tips N] [--gmsh]
+                     [--closed u|v|uv] [--tips N] [--holes RIMS.csv] [--gmsh]
 
 POINTS.csv has columns u,v,x,y,z (u,x,y,z for a curve), in the unit of the file. Checked are
 - the transfer; validity of the shape (BRepCheck_Analyzer);
@@ -10,7 +10,8 @@ POINTS.csv has columns u,v,x,y,z (u,x,y,z for a curve), in the unit of the file.
 - of a closed surface: two closed wires of free edges, less one for each side that is a point, or none at all and then a
   closed shell; a single face is closed in its parameters, with one seam edge for each closed direction;
 - that each point lies on the face of its parameters, at these parameters, within TOLERANCE (1e-9) of the diagonal;
-- that the area of all faces together is that of the surface as given by the points, roughly: no face is trimmed away.
+- that the area of all faces together is that of the surface as given by the points, roughly: no face is trimmed away. With
+  holes, within 1 %, theirs taken off; each has a closed wire of its own.
 Exits with 1 at the first check that fails.
 """
 

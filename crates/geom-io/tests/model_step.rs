@@ -317,10 +317,13 @@ fn holes_are_cut_out_of_one_face_each() {
         let (_, _, boundaries) = parsed.topology();
         assert_eq!((file.n_faces() == 1, boundaries, parsed.count("FACE_BOUND")), (limit > 250, 3, 2));
         for (control, bound) in holes.iter().zip(parsed.all("FACE_BOUND")) {
-            let [oriented] = parsed.of(bound[1].reference(), "EDGE_LOOP")[1].references()[..] else { panic!("one edge") };
+            let [oriented] = parsed.of(bound[1].reference(), "EDGE_LOOP")[1].references()[..] else {
+                panic!("one edge")
+            };
             let oriented = parsed.of(oriented, "ORIENTED_EDGE");
             assert_eq!(oriented[4], Value::Other(if flip { ".F." } else { ".T." }.to_owned()));
-            let curve = parsed.of(parsed.of(oriented[3].reference(), "EDGE_CURVE")[3].reference(), "B_SPLINE_CURVE_WITH_KNOTS");
+            let curve =
+                parsed.of(parsed.of(oriented[3].reference(), "EDGE_CURVE")[3].reference(), "B_SPLINE_CURVE_WITH_KNOTS");
             let points: Vec<[f64; 3]> = curve[2].references().into_iter().map(|id| parsed.point(id)).collect();
             // Seen from above the sheet is its parameter domain, so rims run clockwise there.
             let wedge = |p: &[[f64; 3]]| p[0][0] * p[1][1] - p[0][1] * p[1][0];

@@ -34,11 +34,24 @@ impl Default for QuasiOptions {
     }
 }
 
+/// Rounds in which points get their first parameters back; where some do not help, each further round adds their neighbours, and
+/// soon as good as all have moved for nothing.
+const ROUNDS_OF_RETURN: usize = 3;
+
+fn largest(distances: &[f64]) -> f64 {
+    distances.iter().fold(0.0, |a, &b| a.max(b))
+}
+
 /// Hierarchical quasi-interpolation of points whose parameters move: a method for [`adaptive::run`].
 ///
 /// In each space the quasi-interpolant is computed at the present parameters; then, so many times as asked, all parameters
 /// move to their foot points and it is computed anew. Errors are those after the last correction, and functions are marked
 /// by them.
+///
+/// Foot points of a few points may lie on the wrong part of the surface, and each surface follows them further. So where the
+/// largest distance, beyond the tolerance, has become larger than with the first parameters in the same space, points that got
+/// worse get theirs back, and if that does not help all points. Moving never ends with a larger distance than not moving would
+/// in that space.
 #[derive(Debug)]
 pub struct MovingQuasi<const D: usize> {
     method: QuasiInterpolation<D>,
@@ -90,6 +103,64 @@ impl<const D: usize> MovingQuasi<D> {
         self.method.points().parameters_as_given()
     }
 
+    /// The surface fitted to the moved points, or one with some of the first parameters back if the farthest point is nearer then.
+    fn guarded(&mut self, moved: SplineMap<D>, moves: &mut Moves) -> Result<SplineMap<D>, Error> {
+        let space = moved.space().clone();
+        let (reached, start) = (self.parameters(), self.start.clone());
+        if reached == start || self.measure(&moved)?.max <= self.options.tolerance {
+            return Ok(moved);
+        }
+        let after = self.distances_as_given(&moved)?;
+        self.restore(&start, &space)?;
+        let unmoved = self.method.fit(&space)?;
+        let fixed = self.distances_as_given(&unmoved)?;
+        let limit = largest(&fixed).max(self.options.tolerance);
+        let (mut tried, mut distances, mut map) = (reached, after, moved);
+        let mut put_back = vec![false; fixed.len()];
+        for round in 0.. {
+            if largest(&distances) <= limit {
+                self.restore(&tried, &space)?;
+                moves.held += put_back.iter().filter(|back| **back).count();
+                return Ok(map);
+            }
+            if round == ROUNDS_OF_RETURN {
+                break;
+            }
+            for at in 0..fixed.len() {
+                if distances[at] > fixed[at].max(self.options.tolerance) && !put_back[at] {
+                    put_back[at] = true;
+                    tried.row_mut(at).assign(&start.row(at));
+                }
+            }
+            self.restore(&tried, &space)?;
+            map = self.method.fit(&space)?;
+            distances = self.distances_as_given(&map)?;
+        }
+        moves.postponed = true;
+        tracing::info!(?moves, "corrections did harm and are postponed");
+        self.restore(&start, &space)?;
+        Ok(unmoved)
+    }
+
+    /// Distances of the points to a map, in the order in which they were given.
+    fn distances_as_given(&mut self, map: &SplineMap<D>) -> Result<Vec<f64>, Error> {
+        let sorted = self.method.distances(map)?.to_vec();
+        let mut given = vec![0.0; sorted.len()];
+        self.points().order().iter().zip(sorted).for_each(|(&index, distance)| given[index as usize] = distance);
+        Ok(given)
+    }
+
+    /// Gives the points parameters, `(m, D)` in the order in which they were given.
+    fn restore(&mut self, parameters: &Array2<f64>, space: &HierarchicalSpace<D>) -> Result<(), Error> {
+        let order = self.points().order().iter();
+        let placed: Vec<[f64; D]> =
+            order.map(|&index| std::array::from_fn(|d| parameters[[index as usize, d]])).collect();
+        let cells: Result<Vec<u32>, thb_core::Error> =
+            placed.iter().map(|&u| space.locate_cell(u).map(|cell| cell as u32)).collect();
+        self.method.relocate(&placed, &cells?)?;
+        Ok(())
+    }
+
     fn measure(&mut self, map: &SplineMap<D>) -> Result<Measure, Error> {
         Ok(Measure::of(self.method.distances(map)?, self.options.tolerance))
     }
@@ -120,6 +191,7 @@ impl<const D: usize> Solve<D> for MovingQuasi<D> {
                 self.method.relocate(&parameters, &cells)?;
                 map = self.method.fit(space)?;
             }
+            map = self.guarded(map, &mut moves)?;
             moves.reach(self.measure(&map)?);
         }
         moves.travel(space, &entry, &self.parameters());

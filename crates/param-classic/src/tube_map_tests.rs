@@ -47,10 +47,15 @@ fn a_prism_unrolls_to_a_plane() {
     // Flat inside, whatever the heights on its edges; mean-value weights see no more than that.
     let (around, along) = (11, 6);
     let height = |v: f64, number: usize| if v * (1.0 - v) > 0.0 { v + 0.08 * (scatter(number) - 0.5) } else { v };
-    let disk = tube(around, along, |_, _| true, |u, v, number| {
-        let angle = TAU * u;
-        [angle.cos(), angle.sin(), 2.5 * height(v, number)]
-    });
+    let disk = tube(
+        around,
+        along,
+        |_, _| true,
+        |u, v, number| {
+            let angle = TAU * u;
+            [angle.cos(), angle.sin(), 2.5 * height(v, number)]
+        },
+    );
     let map = map(&disk, 0);
     let flip = map.parameters[[0, 1]];
     for (number, uv) in map.parameters.outer_iter().enumerate() {
@@ -68,10 +73,15 @@ fn a_prism_unrolls_to_a_plane() {
 
 #[test]
 fn a_thin_cone_gets_even_heights() {
-    let disk = tube(40, 60, |_, _| true, |u, v, _| {
-        let (angle, radius) = (TAU * u, 1.0 - 0.95 * v);
-        [radius * angle.cos(), radius * angle.sin(), 8.0 * v]
-    });
+    let disk = tube(
+        40,
+        60,
+        |_, _| true,
+        |u, v, _| {
+            let (angle, radius) = (TAU * u, 1.0 - 0.95 * v);
+            [radius * angle.cos(), radius * angle.sin(), 8.0 * v]
+        },
+    );
     let heights = |map: &TubeMap| -> f64 {
         // The vertices of the first column, half way up.
         map.parameters[[30, 1]]
@@ -87,10 +97,15 @@ fn a_thin_cone_gets_even_heights() {
 
 #[test]
 fn an_end_without_length_is_told() {
-    let disk = tube(8, 3, |_, _| true, |u, v, _| {
-        let (angle, radius) = (TAU * u, if v == 1.0 { 0.0 } else { 1.0 });
-        [radius * angle.cos(), radius * angle.sin(), v]
-    });
+    let disk = tube(
+        8,
+        3,
+        |_, _| true,
+        |u, v, _| {
+            let (angle, radius) = (TAU * u, if v == 1.0 { 0.0 } else { 1.0 });
+            [radius * angle.cos(), radius * angle.sin(), v]
+        },
+    );
     let ends = disk.tube_ends().unwrap();
     let told = map_tube(&disk, &ends, &TubeMapParams { weights: Weights::Uniform, ..TubeMapParams::default() });
     assert!(matches!(told, Err(ParamError::NoLength { what: "an end of the tube", .. })), "{told:?}");

@@ -35,9 +35,12 @@ pub fn unroll(triangles: &[[u32; 3]], uv: ArrayView2<'_, f64>, wraps: [bool; 2])
     for corners in triangles {
         let first = corners[0] as usize;
         unrolled.push(corners.map(|v| {
-            let turn: [i64; 2] = std::array::from_fn(|d| {
-                if wraps[d] { (uv[[first, d]] - uv[[v as usize, d]]).round() as i64 } else { 0 }
-            });
+            let turn: [i64; 2] =
+                std::array::from_fn(
+                    |d| {
+                        if wraps[d] { (uv[[first, d]] - uv[[v as usize, d]]).round() as i64 } else { 0 }
+                    },
+                );
             if turn == [0; 2] {
                 return v;
             }

@@ -151,7 +151,8 @@ mod tests {
             .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
             .collect();
         let vertices = Array2::from_shape_fn(((AROUND * (ALONG + 1)) as usize, 3), |(row, k)| {
-            let (angle, v) = (TAU * f64::from(row as u32 / (ALONG + 1)) / 24.0, f64::from(row as u32 % (ALONG + 1)) / 9.0);
+            let (angle, v) =
+                (TAU * f64::from(row as u32 / (ALONG + 1)) / 24.0, f64::from(row as u32 % (ALONG + 1)) / 9.0);
             let radius = 1.0 - 0.5 * v;
             [radius * angle.cos(), radius * angle.sin(), 3.0 * v][k]
         });

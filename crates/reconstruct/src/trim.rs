@@ -219,7 +219,8 @@ mod tests {
         assert!(!crosses(&ring, &ring) && !winds_oddly(&ring));
         assert!(crosses(&ring, &circle([1.5, 0.0], 1.0, 1.0)));
         assert!(!crosses(&ring, &circle([2.5, 0.0], 1.0, 1.0)) && !crosses(&ring, &circle([0.0, 0.0], 0.5, 1.0)));
-        let eight: Outline = (0..64).map(|k| TAU * (f64::from(k) + 0.5) / 64.0).map(|t| [t.sin(), (2.0 * t).sin()]).collect();
+        let eight: Outline =
+            (0..64).map(|k| TAU * (f64::from(k) + 0.5) / 64.0).map(|t| [t.sin(), (2.0 * t).sin()]).collect();
         assert!(crosses(&eight, &eight) && winds_oddly(&eight) && winds_oddly(&circle([0.0, 0.0], 1.0, 2.0)));
     }
 
@@ -231,8 +232,10 @@ mod tests {
             (i as f64 * [0.754_877_666_246_693, 0.569_840_290_998_053][d]).fract()
         });
         let lift = |uv: &Array2<f64>| Array2::from_shape_fn((uv.nrows(), 3), |(i, k)| [uv[[i, 0]], uv[[i, 1]], 0.0][k]);
-        let map =
-            LeastSquares::new(flat.view(), lift(&flat).view(), None, fit_ls::Options::default()).unwrap().fit(&space).unwrap();
+        let map = LeastSquares::new(flat.view(), lift(&flat).view(), None, fit_ls::Options::default())
+            .unwrap()
+            .fit(&space)
+            .unwrap();
         let rim = |centre: [f64; 2]| {
             let ring = circle(centre, 0.2, 1.0);
             Array2::from_shape_fn((64, 2), |(i, d)| ring[i][d])

@@ -10,8 +10,8 @@ use param_classic::{extend_map, map_quality, triangulate_parameters, unroll};
 use point_cloud::spread_subset;
 use thb_core::{HierarchicalSpace, Kind, KnotVector};
 
-use super::cloud::{self, Cloud, STRAY};
 use super::closed::wrap;
+use super::cloud::{self, Cloud, STRAY};
 use super::{Layout, network, spread_over_square};
 use crate::parameter_options::ParameterChoice;
 use crate::{Error, Event, ParameterOptions, Watch};

@@ -75,9 +75,8 @@ impl Rim {
             let middle = self.place(map, 0.5 * (from.t + to.t))?;
             let mut off = distance(&hermite(&from, &to, 0.5), &middle.point);
             for share in [0.25, 0.75] {
-                let exact = in_space(ndarray::ArrayView1::from(
-                    &map.eval(self.parameter(from.t + share * (to.t - from.t))?)?,
-                ));
+                let exact =
+                    in_space(ndarray::ArrayView1::from(&map.eval(self.parameter(from.t + share * (to.t - from.t))?)?));
                 off = off.max(distance(&hermite(&from, &to, share), &exact));
             }
             if off > RIM_SHARE * size && halvings > 0 {
@@ -134,7 +133,8 @@ struct Place {
 /// The cubic with the ends and derivatives of two places, at a share of the way between.
 fn hermite(from: &Place, to: &Place, s: f64) -> [f64; 3] {
     let (step, r) = (to.t - from.t, 1.0 - s);
-    let [start, out, end, back] = [r * r * (1.0 + 2.0 * s), r * r * s * step, s * s * (3.0 - 2.0 * s), -s * s * r * step];
+    let [start, out, end, back] =
+        [r * r * (1.0 + 2.0 * s), r * r * s * step, s * s * (3.0 - 2.0 * s), -s * s * r * step];
     std::array::from_fn(|k| start * from.point[k] + out * from.tangent[k] + end * to.point[k] + back * to.tangent[k])
 }
 
