@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use adaptive::{Estimate, Solution, Solve};
 use fit_ls::SortedPoints;
-use fit_qi::QuasiInterpolation;
+use fit_qi::{QuasiInterpolation, Work};
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{HierarchicalSpace, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
 use crate::constraint::Constraints;
 use crate::foot_point::{FootPoints, foot_points};
@@ -34,8 +34,8 @@ impl Default for QuasiOptions {
     }
 }
 
-/// Rounds in which points get their first parameters back; where some do not help, each further round adds their neighbours, and
-/// soon as good as all have moved for nothing.
+/// Rounds in which points get their first parameters back. Each may push neighbours away, which are next; where a few rounds do not
+/// help, the surface has moved as a whole.
 const ROUNDS_OF_RETURN: usize = 3;
 
 fn largest(distances: &[f64]) -> f64 {
@@ -59,6 +59,8 @@ pub struct MovingQuasi<const D: usize> {
     constraints: Option<Constraints<D>>,
     start: Array2<f64>,
     reports: Vec<Moves>,
+    /// Number of quasi-interpolants that were computed up to the end of each space.
+    computed: Vec<usize>,
 }
 
 impl<const D: usize> MovingQuasi<D> {
@@ -80,7 +82,14 @@ impl<const D: usize> MovingQuasi<D> {
         if options.tolerance.is_nan() || options.tolerance < 0.0 {
             return Err(Error::Option { name: "tolerance", value: options.tolerance, allowed: "at least 0" });
         }
-        Ok(Self { method, options, constraints: None, start: parameters.to_owned(), reports: Vec::new() })
+        Ok(Self {
+            method,
+            options,
+            constraints: None,
+            start: parameters.to_owned(),
+            reports: Vec::new(),
+            computed: Vec::new(),
+        })
     }
 
     /// The quasi-interpolation at the present parameters.
@@ -96,6 +105,13 @@ impl<const D: usize> MovingQuasi<D> {
     /// What happened in each space, in the order of the calls.
     pub fn reports(&self) -> &[Moves] {
         &self.reports
+    }
+
+    /// The work of each space, in the order of the calls: that of every quasi-interpolant that was computed there.
+    pub fn work(&self) -> Vec<&[Work]> {
+        let all = self.method.work();
+        let starts = std::iter::once(0).chain(self.computed.iter().copied());
+        starts.zip(&self.computed).map(|(start, &end)| &all[start..end]).collect()
     }
 
     /// The present parameters, `(m, D)`, in the order in which the points were given.
@@ -197,6 +213,7 @@ impl<const D: usize> Solve<D> for MovingQuasi<D> {
         moves.travel(space, &entry, &self.parameters());
         tracing::debug!(?moves, "parameters moved");
         self.reports.push(moves);
+        self.computed.push(self.method.work().len());
         let solve_seconds = solve_seconds + clock.elapsed().as_secs_f64();
         Ok(Solution { map, assemble_seconds, solve_seconds })
     }

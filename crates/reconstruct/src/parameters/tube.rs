@@ -3,7 +3,7 @@
 use ndarray::{Array2, ArrayView2, Axis};
 use param_classic::{TubeMap, TubeMapParams, Weights, extend_map, map_tube, unroll};
 use point_cloud::vec3::{add, dot, scale};
-use point_cloud::{BoundaryParams, CloudError, DiskMesh, TriangleMesh, find_boundary, loop_length, principal_axes};
+use point_cloud::{BoundaryLoop, BoundaryParams, CloudError, DiskMesh, TriangleMesh, find_boundary, principal_axes};
 
 use super::cloud::{Cloud, STRAY};
 use super::{HoleReport, Layout};
@@ -191,10 +191,7 @@ pub(super) fn of_mesh(
             _ => (1.0 - parameters[[i, 0]]) % 1.0,
         }),
     };
-    let hole = |rim: &&point_cloud::BoundaryLoop| {
-        let rows: Vec<usize> = rim.vertices.iter().map(|&v| v as usize).collect();
-        HoleReport { points: rows.len(), length: loop_length(disk.vertices().select(Axis(0), &rows).view()) }
-    };
+    let hole = |rim: &&BoundaryLoop| HoleReport { points: rim.vertices.len(), length: rim.length };
     Ok(Layout {
         points: disk.vertices().to_owned(),
         parameters,
