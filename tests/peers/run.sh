@@ -76,6 +76,13 @@ for model in tube:u:0 torus:uv:0 cap:u:1; do
     "$python" tests/peers/check_gismo.py "$file.xml" "$file.csv"
     echo "$name: passed"
 done
+for model in pierced-sheet: pierced-tube:u; do
+    IFS=: read -r name closed <<<"$model"
+    file=$models/$name pierced=(--holes "$models/$name-holes.csv" --closed "$closed")
+    "$python" tests/peers/check_step.py "${file}_one.step" "$file.csv" --faces 1 "${pierced[@]}" "${gmsh[@]}"
+    "$python" tests/peers/check_step.py "${file}_many.stp" "$file.csv" --flipped "${pierced[@]}" "${gmsh[@]}"
+    echo "$name: passed"
+done
 "$python" tests/peers/check_step.py "$models/curve.step" "$models/curve.csv" --unit metre
 "$python" tests/peers/check_gismo.py "$models/curve.xml" "$models/curve.csv"
 echo "curve: passed"

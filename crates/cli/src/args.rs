@@ -231,6 +231,9 @@ pub(crate) struct FitArgs {
     /// Control points up to which a STEP file holds one face; beyond, it holds several.
     #[arg(long, default_value_t = FitOptions::default().max_step_control_points, help_heading = "What is written")]
     max_step_control_points: usize,
+    /// Cut the holes of the data out of the faces of STEP files. The surface itself spans them.
+    #[arg(long, help_heading = "What is written")]
+    trim_holes: bool,
     /// Seed of random choices, kept in the report.
     #[arg(long, default_value_t = FitOptions::default().seed, help_heading = "What is written")]
     seed: u64,
@@ -271,6 +274,7 @@ impl FitArgs {
             levels: self.levels,
             max_dofs: self.max_dofs,
             max_step_control_points: self.max_step_control_points,
+            trim_holes: self.trim_holes,
             mark: self.mark,
             extension: self.extension,
             admissible: self.admissible,

@@ -6,10 +6,12 @@ mod model_common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use geom_io::model::{Geometry, LengthUnit, Model, StepOptions, WriteOptions, read_model, write_model};
 use model_common::{cap, curve, dome, ring, sheet, spots};
-use thb_core::{CellSpace, Kind, SplineMap};
+use ndarray::Array2;
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 /// Sites per direction, cell boundaries among them.
 const SITES: usize = 41;
@@ -81,6 +83,43 @@ fn closed_surfaces() {
         }
         write_model(&folder().join(format!("{name}_one.step")), &model, &step(usize::MAX, false)).unwrap();
         write_model(&folder().join(format!("{name}_many.stp")), &model, &step(400, true)).unwrap();
+    }
+}
+
+/// Holes and points along their rims, for `check_step.py --holes`.
+#[test]
+fn holes() {
+    let rim = |centre: [f64; 2], radius: [f64; 2], spans: usize| {
+        Array2::from_shape_fn((spans, 2), |(i, d)| {
+            let (sine, cosine) = (std::f64::consts::TAU * i as f64 / spans as f64).sin_cos();
+            centre[d] + radius[d] * [cosine, sine][d]
+        })
+    };
+    let sheet_holes = vec![rim([0.3, 0.5], [0.15, 0.2], 12), rim([0.8, 0.25], [0.04, 0.08], 8)];
+    let tube_holes = vec![rim([0.5, 0.5], [0.2, 0.25], 16)];
+    let cases = [
+        ("pierced-sheet", sheet(Kind::Thb, [3, 3], [5, 7], 5), sheet_holes, 900),
+        ("pierced-tube", ring(Kind::Thb, [3, 2], [8, 6], false, 4), tube_holes, 600),
+    ];
+    for (name, map, holes, limit) in cases {
+        write_points(&folder().join(format!("{name}.csv")), &map);
+        let mut text = String::from("hole,u,v\n");
+        for (number, control) in holes.iter().enumerate() {
+            let knots = KnotVector::uniform_periodic(3, control.nrows()).unwrap();
+            let space = HierarchicalSpace::new(Kind::Thb, [knots]).unwrap();
+            let curve = SplineMap::new(Arc::new(space), control.clone()).unwrap();
+            for k in 0..200 {
+                let uv = curve.eval([f64::from(k) / 200.0]).unwrap();
+                text += &format!("{number},{:?},{:?}\n", uv[0], uv[1]);
+            }
+        }
+        fs::write(folder().join(format!("{name}-holes.csv")), text).unwrap();
+        let model = Model::surface(map, LengthUnit::Millimetre);
+        for (file, limit, flip) in [("one.step", usize::MAX, false), ("many.stp", limit, true)] {
+            let mut options = step(limit, flip);
+            options.step.holes = holes.clone();
+            write_model(&folder().join(format!("{name}_{file}")), &model, &options).unwrap();
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use geom_io::model::step::{StepFile, StepOptions};
 use geom_io::model::{LengthUnit, Model, ModelErrorKind};
 use model_common::{cap, curve, dome, ring, sheet, spots};
 use ndarray::Array2;
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap, TensorSpace};
 
 /// The entities of a file: name and parameters, in the order of the file.
 struct Parsed {
@@ -169,7 +169,14 @@ impl Parsed {
     fn topology(&self) -> (usize, usize, usize) {
         let mut uses: BTreeMap<u64, Vec<bool>> = BTreeMap::new();
         for face in self.all("ADVANCED_FACE") {
-            let [bound] = face[1].references()[..] else { panic!("a face has one bound") };
+            let [bound, holes @ ..] = &face[1].references()[..] else { panic!("a face has no bound") };
+            let bound = *bound;
+            for hole in holes {
+                let rim = self.of(self.of(*hole, "FACE_BOUND")[1].reference(), "EDGE_LOOP")[1].references();
+                let [oriented] = rim[..] else { panic!("a rim has one edge") };
+                let oriented = self.of(oriented, "ORIENTED_EDGE");
+                uses.entry(oriented[3].reference()).or_default().push(oriented[4] == Value::Other(".T.".to_owned()));
+            }
             let boundary = self.of(bound, "FACE_OUTER_BOUND")[1].reference();
             let mut ends = Vec::new();
             for oriented in self.of(boundary, "EDGE_LOOP")[1].references() {
@@ -289,6 +296,62 @@ fn cutting_stops_at_single_cells() {
     let (file, parsed) = shell(map, &limited(0));
     assert_eq!((file.n_faces(), file.n_control_points()), (4, 36));
     assert_eq!(parsed.check_topology(), (4, 8));
+}
+
+/// A round hole, counter-clockwise.
+fn round_hole(centre: [f64; 2], radius: f64, spans: usize) -> Array2<f64> {
+    Array2::from_shape_fn((spans, 2), |(i, d)| {
+        let (sine, cosine) = (std::f64::consts::TAU * i as f64 / spans as f64).sin_cos();
+        centre[d] + radius * [cosine, sine][d]
+    })
+}
+
+#[test]
+fn holes_are_cut_out_of_one_face_each() {
+    let map = sheet(Kind::Thb, [3, 2], [6, 4], 4);
+    let mut holes = vec![round_hole([0.3, 0.5], 0.15, 12), round_hole([0.8, 0.25], 0.05, 5)];
+    holes[1].invert_axis(ndarray::Axis(0));
+    for (limit, flip) in [(usize::MAX, false), (usize::MAX, true), (250, false)] {
+        let options = StepOptions { holes: holes.clone(), flip, ..limited(limit) };
+        let (file, parsed) = shell(map.clone(), &options);
+        let (_, _, boundaries) = parsed.topology();
+        assert_eq!((file.n_faces() == 1, boundaries, parsed.count("FACE_BOUND")), (limit > 250, 3, 2));
+        for (control, bound) in holes.iter().zip(parsed.all("FACE_BOUND")) {
+            let [oriented] = parsed.of(bound[1].reference(), "EDGE_LOOP")[1].references()[..] else {
+                panic!("one edge")
+            };
+            let oriented = parsed.of(oriented, "ORIENTED_EDGE");
+            assert_eq!(oriented[4], Value::Other(if flip { ".F." } else { ".T." }.to_owned()));
+            let curve =
+                parsed.of(parsed.of(oriented[3].reference(), "EDGE_CURVE")[3].reference(), "B_SPLINE_CURVE_WITH_KNOTS");
+            let points: Vec<[f64; 3]> = curve[2].references().into_iter().map(|id| parsed.point(id)).collect();
+            // Seen from above the sheet is its parameter domain, so rims run clockwise there.
+            let wedge = |p: &[[f64; 3]]| p[0][0] * p[1][1] - p[0][1] * p[1][0];
+            assert!(points.windows(2).map(wedge).sum::<f64>() < 0.0);
+            // The curve has the parameter of the rim, which runs the other way where it was turned round.
+            let knots = curve[7].list().iter().zip(curve[6].list());
+            let knots: Vec<f64> = knots.flat_map(|(k, m)| vec![k.number(); m.number() as usize]).collect();
+            let space = TensorSpace::new([KnotVector::new(3, knots).unwrap()]).unwrap();
+            let rows = Array2::from_shape_fn((points.len(), 3), |(i, k)| points[i][k]);
+            let curve = SplineMap::new(Arc::new(space), rows).unwrap();
+            let n = control.nrows();
+            let turned = control.select(ndarray::Axis(0), &(0..n).rev().collect::<Vec<_>>());
+            let clockwise = if n == 12 { &turned } else { control };
+            let periodic = KnotVector::uniform_periodic(3, n).unwrap();
+            let plane = HierarchicalSpace::new(Kind::Thb, [periodic]).unwrap();
+            let rim = SplineMap::new(Arc::new(plane), clockwise.clone()).unwrap();
+            for k in 0..=300 {
+                let t = f64::from(k) / 300.0;
+                let (uv, point) = (rim.eval([t]).unwrap(), curve.eval([t]).unwrap());
+                let expected = map.eval([uv[0], uv[1]]).unwrap();
+                let off = (0..3).map(|d| (point[d] - expected[d]).powi(2)).sum::<f64>().sqrt();
+                assert!(off < 2e-7 * 120.0, "{off:e} at {t}");
+            }
+        }
+    }
+    let outside = StepOptions { holes: vec![round_hole([0.9, 0.5], 0.2, 8)], ..StepOptions::default() };
+    let told = StepFile::new(&Model::surface(map, LengthUnit::Millimetre), &outside).err();
+    assert!(matches!(told, Some(ModelErrorKind::HoleOutside { hole: 0, direction: 0, .. })), "{told:?}");
 }
 
 #[test]

@@ -30,7 +30,8 @@ pub struct Moves {
     pub max_move: f64,
     /// Triangles whose orientation differs from the one at the start; 0 without triangles.
     pub folds: usize,
-    /// Moves that were shortened because a triangle would have flipped.
+    /// Moves that were shortened because a triangle would have flipped; with quasi-interpolation points whose moves were undone
+    /// because they got farther away.
     pub held: usize,
     /// Whether the corrections were undone because they did harm.
     pub postponed: bool,

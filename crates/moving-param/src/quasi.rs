@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use adaptive::{Estimate, Solution, Solve};
 use fit_ls::SortedPoints;
-use fit_qi::QuasiInterpolation;
+use fit_qi::{QuasiInterpolation, Work};
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{HierarchicalSpace, Mark, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Mark, SplineMap};
 
 use crate::constraint::Constraints;
 use crate::foot_point::{FootPoints, foot_points};
@@ -34,11 +34,24 @@ impl Default for QuasiOptions {
     }
 }
 
+/// Rounds in which points get their first parameters back. Each may push neighbours away, which are next; where a few rounds do not
+/// help, the surface has moved as a whole.
+const ROUNDS_OF_RETURN: usize = 3;
+
+fn largest(distances: &[f64]) -> f64 {
+    distances.iter().fold(0.0, |a, &b| a.max(b))
+}
+
 /// Hierarchical quasi-interpolation of points whose parameters move: a method for [`adaptive::run`].
 ///
 /// In each space the quasi-interpolant is computed at the present parameters; then, so many times as asked, all parameters
 /// move to their foot points and it is computed anew. Errors are those after the last correction, and functions are marked
 /// by them.
+///
+/// Foot points of a few points may lie on the wrong part of the surface, and each surface follows them further. So where the
+/// largest distance, beyond the tolerance, has become larger than with the first parameters in the same space, points that got
+/// worse get theirs back, and if that does not help all points. Moving never ends with a larger distance than not moving would
+/// in that space.
 #[derive(Debug)]
 pub struct MovingQuasi<const D: usize> {
     method: QuasiInterpolation<D>,
@@ -46,6 +59,8 @@ pub struct MovingQuasi<const D: usize> {
     constraints: Option<Constraints<D>>,
     start: Array2<f64>,
     reports: Vec<Moves>,
+    /// Number of quasi-interpolants that were computed up to the end of each space.
+    computed: Vec<usize>,
 }
 
 impl<const D: usize> MovingQuasi<D> {
@@ -67,7 +82,14 @@ impl<const D: usize> MovingQuasi<D> {
         if options.tolerance.is_nan() || options.tolerance < 0.0 {
             return Err(Error::Option { name: "tolerance", value: options.tolerance, allowed: "at least 0" });
         }
-        Ok(Self { method, options, constraints: None, start: parameters.to_owned(), reports: Vec::new() })
+        Ok(Self {
+            method,
+            options,
+            constraints: None,
+            start: parameters.to_owned(),
+            reports: Vec::new(),
+            computed: Vec::new(),
+        })
     }
 
     /// The quasi-interpolation at the present parameters.
@@ -85,9 +107,74 @@ impl<const D: usize> MovingQuasi<D> {
         &self.reports
     }
 
+    /// The work of each space, in the order of the calls: that of every quasi-interpolant that was computed there.
+    pub fn work(&self) -> Vec<&[Work]> {
+        let all = self.method.work();
+        let starts = std::iter::once(0).chain(self.computed.iter().copied());
+        starts.zip(&self.computed).map(|(start, &end)| &all[start..end]).collect()
+    }
+
     /// The present parameters, `(m, D)`, in the order in which the points were given.
     pub fn parameters(&self) -> Array2<f64> {
         self.method.points().parameters_as_given()
+    }
+
+    /// The surface fitted to the moved points, or one with some of the first parameters back if the farthest point is nearer then.
+    fn guarded(&mut self, moved: SplineMap<D>, moves: &mut Moves) -> Result<SplineMap<D>, Error> {
+        let space = moved.space().clone();
+        let (reached, start) = (self.parameters(), self.start.clone());
+        if reached == start || self.measure(&moved)?.max <= self.options.tolerance {
+            return Ok(moved);
+        }
+        let after = self.distances_as_given(&moved)?;
+        self.restore(&start, &space)?;
+        let unmoved = self.method.fit(&space)?;
+        let fixed = self.distances_as_given(&unmoved)?;
+        let limit = largest(&fixed).max(self.options.tolerance);
+        let (mut tried, mut distances, mut map) = (reached, after, moved);
+        let mut put_back = vec![false; fixed.len()];
+        for round in 0.. {
+            if largest(&distances) <= limit {
+                self.restore(&tried, &space)?;
+                moves.held += put_back.iter().filter(|back| **back).count();
+                return Ok(map);
+            }
+            if round == ROUNDS_OF_RETURN {
+                break;
+            }
+            for at in 0..fixed.len() {
+                if distances[at] > fixed[at].max(self.options.tolerance) && !put_back[at] {
+                    put_back[at] = true;
+                    tried.row_mut(at).assign(&start.row(at));
+                }
+            }
+            self.restore(&tried, &space)?;
+            map = self.method.fit(&space)?;
+            distances = self.distances_as_given(&map)?;
+        }
+        moves.postponed = true;
+        tracing::info!(?moves, "corrections did harm and are postponed");
+        self.restore(&start, &space)?;
+        Ok(unmoved)
+    }
+
+    /// Distances of the points to a map, in the order in which they were given.
+    fn distances_as_given(&mut self, map: &SplineMap<D>) -> Result<Vec<f64>, Error> {
+        let sorted = self.method.distances(map)?.to_vec();
+        let mut given = vec![0.0; sorted.len()];
+        self.points().order().iter().zip(sorted).for_each(|(&index, distance)| given[index as usize] = distance);
+        Ok(given)
+    }
+
+    /// Gives the points parameters, `(m, D)` in the order in which they were given.
+    fn restore(&mut self, parameters: &Array2<f64>, space: &HierarchicalSpace<D>) -> Result<(), Error> {
+        let order = self.points().order().iter();
+        let placed: Vec<[f64; D]> =
+            order.map(|&index| std::array::from_fn(|d| parameters[[index as usize, d]])).collect();
+        let cells: Result<Vec<u32>, thb_core::Error> =
+            placed.iter().map(|&u| space.locate_cell(u).map(|cell| cell as u32)).collect();
+        self.method.relocate(&placed, &cells?)?;
+        Ok(())
     }
 
     fn measure(&mut self, map: &SplineMap<D>) -> Result<Measure, Error> {
@@ -120,11 +207,13 @@ impl<const D: usize> Solve<D> for MovingQuasi<D> {
                 self.method.relocate(&parameters, &cells)?;
                 map = self.method.fit(space)?;
             }
+            map = self.guarded(map, &mut moves)?;
             moves.reach(self.measure(&map)?);
         }
         moves.travel(space, &entry, &self.parameters());
         tracing::debug!(?moves, "parameters moved");
         self.reports.push(moves);
+        self.computed.push(self.method.work().len());
         let solve_seconds = solve_seconds + clock.elapsed().as_secs_f64();
         Ok(Solution { map, assemble_seconds, solve_seconds })
     }

@@ -3,11 +3,11 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use adaptive::{Iteration, Outcome, run};
+use adaptive::{Iteration, Outcome, Solve, run};
 use fit_qi::{LocalLambda, QuasiInterpolation};
 use moving_param::{Boundary, Error, MovingQuasi, QuasiOptions};
 use ndarray::Array2;
-use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement};
+use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 const SIDE: usize = 61;
 
@@ -116,4 +116,44 @@ fn bad_options_are_named() {
     assert!(matches!(new(&wide, 0.0), Some(Error::Dimension { given: 4, limit: 3 })));
     let short = Array2::zeros((3, 3));
     assert!(matches!(new(&short, 0.0), Some(Error::Quasi(fit_qi::Error::Points(fit_ls::Error::Shape { .. })))));
+}
+
+/// A sheet with noise as large as its waves, so that foot points follow what is not there.
+fn noisy(seed: usize) -> (Array2<f64>, Array2<f64>) {
+    let side = 25;
+    let noise = |i: usize| ((i * 7919 + seed * 104_729) as f64 * 0.618_033_988_749_895).fract() - 0.5;
+    let parameters =
+        Array2::from_shape_fn((side * side, 2), |(i, d)| [i % side, i / side][d] as f64 / (side - 1) as f64);
+    let points = Array2::from_shape_fn((side * side, 3), |(i, k)| {
+        let (u, v) = (parameters[[i, 0]], parameters[[i, 1]]);
+        [u, v, 0.1 * (9.0 * u + 4.0 * v).sin()][k] + 0.2 * noise(3 * i * i + k)
+    });
+    (parameters, points)
+}
+
+#[test]
+fn moving_never_ends_farther_away_than_not_moving_in_the_same_space() {
+    let mut undone = 0;
+    let cases = (0..8).flat_map(|seed| [(seed, 5, 1), (seed, 5, 3), (seed, 8, 1), (seed, 8, 3)]);
+    for (seed, elements, corrections) in cases {
+        let (parameters, points) = noisy(seed);
+        let largest = |map: &SplineMap<2>, at: &Array2<f64>| -> f64 {
+            let off = map.eval_batch(at.view()).unwrap() - &points;
+            off.rows().into_iter().map(|r| r.dot(&r).sqrt()).fold(0.0, f64::max)
+        };
+        let knots = KnotVector::uniform(2, elements).unwrap();
+        let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
+        let mut plain = QuasiInterpolation::new(parameters.view(), points.view(), None, local()).unwrap();
+        let fixed = plain.fit(&space).unwrap();
+        let options = QuasiOptions { corrections, tolerance: 1e-4, ..QuasiOptions::default() };
+        let mut method = MovingQuasi::new(parameters.view(), points.view(), None, local(), options).unwrap();
+        let moved = Solve::solve(&mut method, &space, None).unwrap().map;
+        let (before, after) = (largest(&fixed, &parameters), largest(&moved, &method.parameters()));
+        assert!(after <= before * (1.0 + 1e-12), "{elements} elements: {before:e}, moved {after:e}");
+        let report = method.reports()[0];
+        undone += report.held + usize::from(report.postponed);
+        assert_eq!(method.work().len(), 1);
+        assert!(method.work()[0].len() > corrections);
+    }
+    assert!(undone > 0, "no case in which moving does harm");
 }

@@ -18,6 +18,8 @@ pub(crate) struct BarycentricSystem {
     entries: Vec<(u32, f64)>,
     /// Where each row begins in `entries`, and the end.
     starts: Vec<usize>,
+    /// What is added to the mean of the first coordinate in each row.
+    jumps: Vec<f64>,
 }
 
 impl BarycentricSystem {
@@ -43,7 +45,19 @@ impl BarycentricSystem {
             }
             starts.push(entries.len());
         }
-        Self { unknown, entries, starts }
+        let jumps = vec![0.0; starts.len() - 1];
+        Self { unknown, entries, starts, jumps }
+    }
+
+    /// The same system where the first coordinate wraps: `jumps` has, for each vertex, the mean of the whole turns by which its
+    /// neighbours are farther than they say.
+    pub(crate) fn with_jumps(mut self, jumps: &[f64]) -> Self {
+        for (row, jump) in self.unknown.iter().zip(jumps) {
+            if let Some(row) = *row {
+                self.jumps[row] = *jump;
+            }
+        }
+        self
     }
 
     /// Number of unknown vertices.
@@ -71,6 +85,7 @@ impl BarycentricSystem {
         for (vertex, row) in self.unknown.iter().enumerate() {
             let Some(row) = *row else { continue };
             triplets.push(Triplet::new(row, row, 1.0));
+            solution[(row, 0)] = self.jumps[row];
             for &(neighbour, weight) in self.neighbours(vertex) {
                 match self.unknown[neighbour as usize] {
                     Some(column) => triplets.push(Triplet::new(row, column, -weight)),
@@ -113,11 +128,10 @@ impl BarycentricSystem {
     pub(crate) fn residual(&self, uv: &[[f64; 2]]) -> f64 {
         let mut worst = 0.0f64;
         for (vertex, &at) in uv.iter().enumerate() {
-            if self.unknown[vertex].is_none() {
-                continue;
-            }
+            let Some(row) = self.unknown[vertex] else { continue };
             for k in 0..2 {
-                let mean: f64 = self.neighbours(vertex).iter().map(|&(j, w)| w * uv[j as usize][k]).sum();
+                let sum: f64 = self.neighbours(vertex).iter().map(|&(j, w)| w * uv[j as usize][k]).sum();
+                let mean = sum + if k == 0 { self.jumps[row] } else { 0.0 };
                 worst = worst.max((at[k] - mean).abs());
             }
         }

@@ -73,6 +73,17 @@ pub enum ParamError {
         /// The first few of them.
         first: Vec<u32>,
     },
+    /// An edge of a tube that reaches half way round it.
+    #[error(
+        "the edge between vertices {} and {} goes {share:.2} of the way round the tube, beyond one half; refine the mesh there",
+        .vertices[0], .vertices[1]
+    )]
+    LongWayRound {
+        /// The two vertices.
+        vertices: [u32; 2],
+        /// The share of a turn between them.
+        share: f64,
+    },
     /// The corners do not cut the loop into four sides.
     #[error("the corners {corners:?} must be four different places in a loop of {points} points, in loop order")]
     BadCorners {

@@ -4,6 +4,7 @@
 //! - Gridded clouds: [`parameterize_grid`], the same rules averaged over the lines of the grid.
 //! - Triangle meshes: [`map_disk`], barycentric maps with uniform or mean-value weights, [`refine_injective`] for less
 //!   distortion without folds, and [`map_quality`].
+//! - Meshes of tubes: [`map_tube`], a barycentric map that wraps round, and [`unroll`], which lays it in the plane.
 //! - Scattered clouds with known boundary: [`side_parameters`] for the boundary, [`map_cloud`] for the interior,
 //!   [`correct_shape`], [`triangulate_parameters`] and [`cloud_quality`].
 //! - Scattered clouds with a mesh spanned over them: [`map_spanned`], all of the above for meshes at once.
@@ -30,6 +31,8 @@ mod sides;
 mod spanned;
 mod spread;
 mod triangulate;
+mod tube_map;
+mod unroll;
 mod weights;
 
 pub use cloud_map::{BOUNDARY_TOLERANCE, CloudMap, CloudMapParams, CloudMapReport, CloudWeights, Radius, map_cloud};
@@ -45,4 +48,6 @@ pub use sides::{BoundaryParameters, side_parameters};
 pub use spanned::{SpannedMap, SpannedMapParams, SpannedMapReport, map_mesh, map_spanned};
 pub use spread::{Assessment, CloudQuality, Verdict, Void, cloud_quality};
 pub use triangulate::triangulate_parameters;
+pub use tube_map::{TubeMap, TubeMapParams, TubeMapReport, map_tube};
+pub use unroll::{UnrolledMesh, unroll};
 pub use weights::{HALF_TANGENT_LIMIT, Weights};

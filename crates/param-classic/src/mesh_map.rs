@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use ndarray::{Array2, Axis};
-use point_cloud::{CornerChoice, Corners, DiskMesh, disk_corners};
+use point_cloud::{BoundaryLoop, CornerChoice, Corners, DiskMesh, disk_corners};
 
 use crate::ParamError;
 use crate::barycentric::{BarycentricSystem, WeightEntry};
@@ -75,7 +75,7 @@ pub fn map_disk(disk: &DiskMesh, params: &MeshMapParams) -> Result<MeshMap, Para
     let span = tracing::info_span!("map_disk", vertices = disk.vertices().nrows());
     let _guard = span.enter();
     let corners = disk_corners(disk, params.corners)?;
-    let filled = FilledDisk::new(disk);
+    let filled = FilledDisk::new(disk, disk.holes().iter().collect());
     let n = filled.vertices.len();
     let mut uv = vec![[0.0; 2]; n];
     let sides = place_boundary(disk, &corners, params.boundary, &mut uv)?;
@@ -128,22 +128,24 @@ fn short_edge(disk: &DiskMesh, vertices: [u32; 2]) -> ParamError {
 }
 
 /// The mesh with its holes closed.
-struct FilledDisk<'a> {
+pub(crate) struct FilledDisk<'a> {
     disk: &'a DiskMesh,
+    holes: Vec<&'a BoundaryLoop>,
     /// The vertices of the mesh, then the centres of the holes.
-    vertices: Vec<[f64; 3]>,
+    pub(crate) vertices: Vec<[f64; 3]>,
     /// Triangles between rim and centre, hole by hole.
-    fans: Vec<[u32; 3]>,
+    pub(crate) fans: Vec<[u32; 3]>,
     /// Of each hole, its part of `fans`.
     fan_of_hole: Vec<Range<usize>>,
 }
 
 impl<'a> FilledDisk<'a> {
-    fn new(disk: &'a DiskMesh) -> Self {
+    /// Closes those loops of the mesh that are `holes`.
+    pub(crate) fn new(disk: &'a DiskMesh, holes: Vec<&'a BoundaryLoop>) -> Self {
         let points = disk.vertices();
         let mut vertices: Vec<[f64; 3]> = points.rows().into_iter().map(|p| std::array::from_fn(|k| p[k])).collect();
         let (mut fans, mut fan_of_hole) = (Vec::new(), Vec::new());
-        for hole in disk.holes() {
+        for hole in &holes {
             let rim = &hole.vertices;
             let center = vertices.len() as u32;
             let mut sum = [0.0; 3];
@@ -156,11 +158,12 @@ impl<'a> FilledDisk<'a> {
             fans.extend((0..rim.len()).map(|i| [rim[(i + 1) % rim.len()], rim[i], center]));
             fan_of_hole.push(begin..fans.len());
         }
-        Self { disk, vertices, fans, fan_of_hole }
+        Self { disk, holes, vertices, fans, fan_of_hole }
     }
 
-    /// The weights of every vertex's neighbours, triangle by triangle.
-    fn weights(&self, weights: Weights) -> Result<Vec<WeightEntry>, ParamError> {
+    /// The weights of every vertex's neighbours, triangle by triangle, fans last: of each corner the weight of the next one,
+    /// then that of the one after.
+    pub(crate) fn weights(&self, weights: Weights) -> Result<Vec<WeightEntry>, ParamError> {
         let triangles = self.disk.triangles();
         let mut entries = Vec::with_capacity(6 * (triangles.len() + self.fans.len()));
         for &triangle in triangles {
@@ -175,7 +178,7 @@ impl<'a> FilledDisk<'a> {
             }
             self.push_triangle(&mut entries, weights, triangle, 0.0);
         }
-        for (hole, fan) in self.disk.holes().iter().zip(&self.fan_of_hole) {
+        for (hole, fan) in self.holes.iter().zip(&self.fan_of_hole) {
             for &triangle in &self.fans[fan.clone()] {
                 self.push_triangle(&mut entries, weights, triangle, SHORTEST_SPOKE * hole.length);
             }

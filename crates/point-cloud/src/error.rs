@@ -154,6 +154,17 @@ pub enum CloudError {
         /// Number of triangles.
         triangles: usize,
     },
+    /// A surface with too few boundary loops for a tube.
+    #[error(
+        "the surface has {loops} boundary loop of length {length:.4e}; one that closes in one direction has two ends, each a loop: cut \
+         off a tip that is closed, close a gap along it, or fit the surface as an open one"
+    )]
+    NoTube {
+        /// Number of boundary loops.
+        loops: usize,
+        /// Length of the longest, in the units of the mesh.
+        length: f64,
+    },
     /// The mesh has handles, so it cannot be laid flat.
     #[error(
         "the mesh has {handles} handle(s) (Euler characteristic {euler}, {loops} boundary loop(s)); cut or fill them"

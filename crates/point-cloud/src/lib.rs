@@ -35,6 +35,7 @@ mod sampling;
 mod search;
 mod star;
 mod thin;
+mod tube;
 pub mod vec3;
 
 pub use boundary::{BoundaryParams, CloudBoundary, find_boundary};
@@ -56,3 +57,4 @@ pub use quadric::{PrincipalAxes, principal_axes};
 pub use repair::{LargestDisk, largest_disk};
 pub use search::{CloudTree, Neighbour};
 pub use thin::{Thinned, spread_subset, thin};
+pub use tube::TubeEnds;

@@ -55,7 +55,7 @@ pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     }
     if cleaned.rows.len() < m && (options.read.height_field || cleaned.scan.format == Format::EsriGrid) {
         // What is left of a height field is spread over the square again.
-        cleaned.scan.cloud.parameters.iter_mut().for_each(spread_over_square);
+        cleaned.scan.cloud.parameters.iter_mut().for_each(|uv| spread_over_square(uv, options.closed.directions()));
     }
     let scattered = cleaned.scan.cloud.grid.is_none() && cleaned.scan.triangles.is_none();
     let unasked = scattered

@@ -51,15 +51,21 @@ pub enum Error {
         /// What could be done.
         hint: &'static str,
     },
-    /// A closed surface was asked for, but nothing tells how the points lie around it.
+    /// A closed surface was asked for in a way that does not go round.
     #[error(
-        "--closed {closed} needs a grid (columns i, j) or parameters u, v in the file, which the input does not have or \
-         --param does not use"
+        "--closed {closed} needs a grid (columns i, j), parameters u, v in the file, or else --param auto, mean-value or uniform; \
+         other parameters do not go round"
     )]
     NotClosed {
         /// The directions asked for.
         closed: String,
     },
+    /// A cloud or mesh without order that closes in both directions.
+    #[error(
+        "--closed uv needs a grid (columns i, j) or parameters u, v in the file: clouds and meshes without order are laid out as \
+         tubes, closed in u or in v; cut the surface open along one closed line"
+    )]
+    ClosedBothWays,
     /// Parameters of the file lie outside the unit square.
     #[error(
         "parameter {value} (direction {direction} of point {index}) lies outside [0, 1]; use --domain data to fit on the \

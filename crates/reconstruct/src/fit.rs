@@ -15,6 +15,7 @@ use crate::parameter_options::Domain;
 use crate::parameters::{extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
 use crate::reweighting::robust_diagonal;
+use crate::trim::trims;
 use crate::{Error, Event, FitOptions, Watch};
 
 /// Samples per direction and cell for the distance from surface to points.
@@ -37,6 +38,8 @@ pub struct Fit {
     pub parameters: Array2<f64>,
     /// Their distances to the surface at their parameters.
     pub errors: Array1<f64>,
+    /// Holes that are cut out of the faces of STEP files, as [`geom_io::StepOptions::holes`]; none unless asked for.
+    pub holes: Vec<Array2<f64>>,
     /// Whether the face normal is opposite to `S_u × S_v`.
     pub reversed: bool,
     stop: Stop,
@@ -138,6 +141,12 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         ));
     }
     warnings.extend(reweighting.iter().flat_map(|found| found.warnings(points.nrows())));
+    let mut holes = Vec::new();
+    if options.trim_holes {
+        let found = trims(&laid_out, &map, parameters.view(), tolerance)?;
+        holes = found.holes;
+        warnings.extend(found.warnings);
+    }
     let last = iterations[iterations.len() - 1];
     let deviation = last.deviation;
     let report = Report {
@@ -173,6 +182,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             reached: stop == Stop::ToleranceReached,
             reweighting,
             sides: sides(&map)?,
+            trimmed: options.trim_holes.then_some(holes.len()),
         },
         history: history(&iterations, &moves, &quasi),
         warnings,
@@ -180,7 +190,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let mut model = Model::surface(map, options.units);
     model.metadata.insert("source".into(), name.into());
     let reversed = laid_out.reversed != options.flip;
-    Ok(Fit { model, report, points: laid_out.points, parameters, errors, reversed, stop })
+    Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed, stop })
 }
 
 fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[KnotVector; 2], Error> {

@@ -38,6 +38,7 @@ mod picture;
 mod quasi;
 mod report;
 mod reweighting;
+mod trim;
 mod watch;
 
 pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
@@ -57,7 +58,8 @@ pub use parameter_options::{
     SideRule,
 };
 pub use parameters::{
-    HoleReport, NetworkReport, ParameterReport, Parameterized, Stretch, VoidReport, parameterize, parameterize_file,
+    HoleReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport, parameterize,
+    parameterize_file,
 };
 pub use picture::draw_parameters;
 pub use quasi::{LocalRule, QuasiOptions, QuasiReport};

@@ -49,6 +49,8 @@ pub struct FitOptions {
     pub max_dofs: Option<usize>,
     /// Control points up to which STEP files hold one tensor-product face instead of several.
     pub max_step_control_points: usize,
+    /// Whether STEP files have the holes of the data cut out of their faces.
+    pub trim_holes: bool,
     /// Which cells are refined.
     pub mark: Mark,
     /// Extension of a marked region, in cells of the next level; `None` for half the degree, the least with which functions
@@ -88,6 +90,7 @@ impl Default for FitOptions {
             levels: 7,
             max_dofs: None,
             max_step_control_points: 20_000,
+            trim_holes: false,
             mark: Mark(Marking::Threshold),
             extension: None,
             admissible: None,

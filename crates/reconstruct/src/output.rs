@@ -72,6 +72,7 @@ pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
         if ModelFormat::from_path(path).is_some() {
             let step = StepOptions {
                 max_control_points: fit.report.options.max_step_control_points,
+                holes: fit.holes.clone(),
                 flip: fit.reversed,
                 ..StepOptions::default()
             };

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use ndarray::Array2;
-use param_classic::triangulate_parameters;
+use param_classic::{triangulate_parameters, unroll};
 
 use crate::{Error, Parameterized};
 
@@ -21,7 +21,8 @@ const DEEPEST: f64 = 4.0;
 /// # Errors
 /// Those of a triangulation, where the points have no triangles.
 pub fn draw_parameters(laid_out: &Parameterized) -> Result<String, Error> {
-    let Parameterized { points, parameters, boundary, triangles, .. } = laid_out;
+    let Parameterized { points, parameters, boundary, triangles, closed, .. } = laid_out;
+    let is_closed = closed.contains(&true);
     let triangulated;
     let triangles = if triangles.is_empty() {
         triangulated = triangulate_parameters(parameters.view())?;
@@ -29,6 +30,9 @@ pub fn draw_parameters(laid_out: &Parameterized) -> Result<String, Error> {
     } else {
         triangles
     };
+    // Triangles across a seam are drawn where they leave the square.
+    let cut = unroll(triangles, parameters.view(), *closed);
+    let (points, parameters, triangles) = (&cut.vertices(points.view()), &cut.parameters, &cut.triangles);
     let areas: Vec<[f64; 2]> =
         triangles.iter().map(|t| [area_in_space(points, t), area_in_plane(parameters, t)]).collect();
     let [in_space, in_plane] = [0, 1].map(|k| areas.iter().map(|a| a[k].abs()).sum::<f64>());
@@ -60,7 +64,7 @@ pub fn draw_parameters(laid_out: &Parameterized) -> Result<String, Error> {
         );
     }
     svg += "</g>\n";
-    if !boundary.is_empty() {
+    if !boundary.is_empty() && !is_closed {
         let path: Vec<String> =
             boundary.iter().map(|&v| place(v)).map(|p| format!("{:.2},{:.2}", p[0], p[1])).collect();
         let _ = writeln!(

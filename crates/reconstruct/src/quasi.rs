@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use adaptive::{Observer, Outcome, run};
 use fit_qi::{LocalLambda, QuasiInterpolation, Work};
-use moving_param::{Moves, MovingQuasi};
+use moving_param::MovingQuasi;
 use serde::Serialize;
 use thb_core::{HierarchicalSpace, Refinement};
 
@@ -98,24 +98,16 @@ pub struct QuasiReport {
 }
 
 impl QuasiReport {
-    /// The reports of the iterations; each has one piece of work, and one more for each correction.
-    fn of(work: &[Work], moves: &[Moves]) -> Vec<Self> {
-        let mut rest = work;
-        let mut reports = Vec::new();
-        for k in 0.. {
-            let count = 1 + moves.get(k).map_or(0, |m| m.corrections);
-            let Some((own, further)) = rest.split_at_checked(count) else { break };
-            rest = further;
-            let Some(last) = own.last() else { break };
-            reports.push(Self {
-                solved: own.iter().map(|w| w.solved).sum(),
-                summed: own.iter().map(|w| w.summed).sum(),
-                enlarged: last.enlarged,
-                inherited: last.inherited,
-                collinear: last.collinear.len(),
-            });
+    /// The report of an iteration, whose surface was computed once, and again after each correction.
+    fn of(work: &[Work]) -> Self {
+        let Some(last) = work.last() else { return Self::default() };
+        Self {
+            solved: work.iter().map(|w| w.solved).sum(),
+            summed: work.iter().map(|w| w.summed).sum(),
+            enlarged: last.enlarged,
+            inherited: last.inherited,
+            collinear: last.collinear.len(),
         }
-        reports
     }
 }
 
@@ -145,7 +137,7 @@ pub(crate) fn fit(
     Ok(Fitted {
         errors: errors_at(&map, &parameters, problem.points)?,
         lambda: quasi.lambda().and_then(LocalLambda::number).unwrap_or(0.0),
-        quasi: QuasiReport::of(quasi.work(), &reports),
+        quasi: solver.work().into_iter().map(QuasiReport::of).collect(),
         moves: if method == Method::AQi { reports } else { Vec::new() },
         reweighting: None,
         counted: None,

@@ -122,6 +122,8 @@ pub struct ResultReport {
     pub reweighting: Option<ReweightingReport>,
     /// For each side of the (u,v) square where it lies on the part.
     pub sides: BTreeMap<&'static str, SideReport>,
+    /// Holes that were cut out of the faces of STEP files; `null` unless asked for.
+    pub trimmed: Option<usize>,
 }
 
 /// Where a side of the parameter square lies on the part.

@@ -16,7 +16,7 @@ use moving_param::{Distance, Method, MovingFit, MovingQuasi, QuasiOptions};
 use ndarray::{Array2, Axis};
 use point_cloud::BoundingBox;
 use rand::RngExt;
-use reconstruct::{ParameterOptions, parameterize_file};
+use reconstruct::{Closed, ParameterOptions, parameterize_file};
 use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 use super::markdown::{figure, table};
@@ -33,6 +33,8 @@ struct Case {
     name: &'static str,
     file: &'static str,
     height_field: bool,
+    /// The directions in which the surface closes.
+    closed: Closed,
     degree: usize,
     elements: usize,
     lambda: f64,
@@ -40,11 +42,12 @@ struct Case {
     tolerance: f64,
 }
 
-const CASES: [Case; 5] = [
+const CASES: [Case; 6] = [
     Case {
         name: "sheet (`deepdrawingC.xml`)",
         file: "deepdrawingC.xml",
         height_field: false,
+        closed: Closed::None,
         degree: 2,
         elements: 8,
         lambda: 1e-6,
@@ -54,6 +57,17 @@ const CASES: [Case; 5] = [
         name: "turbine blade, gridded (`iea15_blade_grid.csv`)",
         file: "iea15_blade_grid.csv",
         height_field: false,
+        closed: Closed::None,
+        degree: 3,
+        elements: 8,
+        lambda: 1e-8,
+        tolerance: 5e-4,
+    },
+    Case {
+        name: "turbine blade, gridded, closed in v (`iea15_blade_grid.csv`)",
+        file: "iea15_blade_grid.csv",
+        height_field: false,
+        closed: Closed::V,
         degree: 3,
         elements: 8,
         lambda: 1e-8,
@@ -63,6 +77,7 @@ const CASES: [Case; 5] = [
         name: "head with ears and cap (`nefertiti_head_8933.obj`)",
         file: "nefertiti_head_8933.obj",
         height_field: false,
+        closed: Closed::None,
         degree: 2,
         elements: 16,
         lambda: 1e-6,
@@ -72,6 +87,7 @@ const CASES: [Case; 5] = [
         name: "half a ship hull (`dtc_hull_half.ply`)",
         file: "dtc_hull_half.ply",
         height_field: false,
+        closed: Closed::None,
         degree: 3,
         elements: 8,
         lambda: 1e-7,
@@ -81,6 +97,7 @@ const CASES: [Case; 5] = [
         name: "terrain with lakes (`topography_lidar_ground.xyz`)",
         file: "topography_lidar_ground.xyz",
         height_field: true,
+        closed: Closed::None,
         degree: 2,
         elements: 16,
         lambda: 1e-6,
@@ -92,6 +109,7 @@ const CASES: [Case; 5] = [
 struct Cloud {
     points: Array2<f64>,
     parameters: Array2<f64>,
+    closed: [bool; 2],
 }
 
 /// A method of the tables.
@@ -137,7 +155,7 @@ pub fn document(data: Option<&Path>) -> Result<String> {
     match data {
         Some(folder) => {
             for case in &CASES {
-                text += &tables_of(case, &Cloud::read(&folder.join(case.file), case.height_field)?)?;
+                text += &tables_of(case, &Cloud::read(&folder.join(case.file), case.height_field, case.closed)?)?;
             }
             text += CONCLUSIONS;
         }
@@ -151,7 +169,7 @@ pub fn document(data: Option<&Path>) -> Result<String> {
     if let Some(folder) = data {
         let files = [("canopy", "canopy_lidar.csv", 1e-3), ("terrain with lakes", "topography_lidar_ground.xyz", 2e-3)];
         for (name, file, tolerance) in files {
-            rows.extend(void_rows(name, &Cloud::read(&folder.join(file), true)?, tolerance)?);
+            rows.extend(void_rows(name, &Cloud::read(&folder.join(file), true, Closed::None)?, tolerance)?);
         }
     }
     text += &table(&VOID_HEADER, &rows);
@@ -160,22 +178,23 @@ pub fn document(data: Option<&Path>) -> Result<String> {
 }
 
 impl Cloud {
-    fn read(path: &Path, height_field: bool) -> Result<Self> {
+    fn read(path: &Path, height_field: bool, closed: Closed) -> Result<Self> {
         let read = ReadOptions { height_field, ..ReadOptions::default() };
-        let options = ParameterOptions { read, domain: reconstruct::Domain::Data, ..ParameterOptions::default() };
+        let domain = if closed == Closed::None { reconstruct::Domain::Data } else { reconstruct::Domain::Unit };
+        let options = ParameterOptions { read, domain, closed, ..ParameterOptions::default() };
         let laid_out = parameterize_file(path, &options, &mut |_| ControlFlow::Continue(()))
             .with_context(|| format!("cannot lay out {}", path.display()))?;
-        Self::of(laid_out.points, laid_out.parameters)
+        Self::of(laid_out.points, laid_out.parameters, closed.directions())
     }
 
-    fn of(points: Array2<f64>, mut parameters: Array2<f64>) -> Result<Self> {
+    fn of(points: Array2<f64>, mut parameters: Array2<f64>, closed: [bool; 2]) -> Result<Self> {
         let bounds = BoundingBox::of(points.view())?;
         let points = points / bounds.diagonal();
-        for mut column in parameters.columns_mut() {
+        for (mut column, _) in parameters.columns_mut().into_iter().zip(closed).filter(|(_, closed)| !closed) {
             let (low, high) = column.iter().fold((f64::MAX, f64::MIN), |(a, b), &u| (a.min(u), b.max(u)));
             column.mapv_inplace(|u| ((u - low) / (high - low)).clamp(0.0, 1.0));
         }
-        Ok(Self { points, parameters })
+        Ok(Self { points, parameters, closed })
     }
 }
 
@@ -201,8 +220,11 @@ struct Settings {
 
 fn fit(cloud: &Cloud, choice: Choice, settings: Settings) -> Result<Figures> {
     let Settings { degree, elements, lambda, tolerance, within, splits } = settings;
-    let knots = KnotVector::uniform(degree, elements)?;
-    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots])?);
+    let knots = |closed: bool| match closed {
+        true => KnotVector::uniform_periodic(degree, elements),
+        false => KnotVector::uniform(degree, elements),
+    };
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots(cloud.closed[0])?, knots(cloud.closed[1])?])?);
     let local = fit_qi::Options { lambda: LocalLambda::Constant(lambda), splits, ..fit_qi::Options::default() };
     let squares = fit_ls::Options { lambda: Lambda::Fixed(lambda), ..fit_ls::Options::default() };
     let rules = |extension| adaptive::Options {
@@ -323,7 +345,7 @@ fn generated(holes: usize) -> Result<Cloud> {
     }
     let points = Array2::from_shape_fn((rows.len(), 3), |(i, k)| rows[i][k]);
     let parameters = points.select(Axis(1), &[0, 1]);
-    Cloud::of(points, parameters)
+    Cloud::of(points, parameters, [false; 2])
 }
 
 const VOID_HEADER: [&str; 8] =

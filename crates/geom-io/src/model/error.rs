@@ -68,6 +68,24 @@ pub enum ModelErrorKind {
         /// The number, or numbers, possible.
         expected: String,
     },
+    /// The rim of a hole does not lie inside the parameter domain.
+    #[error(
+        "the control points of hole {hole} (counted from 0) reach from {lower} to {upper} in direction {direction}, beyond the inside of \
+         the domain, {} to {}; leave the hole out, or move the seam of a closed surface away from it",
+        .domain[0], .domain[1]
+    )]
+    HoleOutside {
+        /// Index of the hole.
+        hole: usize,
+        /// 0 for u, 1 for v.
+        direction: usize,
+        /// Smallest coordinate of its control points.
+        lower: f64,
+        /// Largest.
+        upper: f64,
+        /// Ends of the domain.
+        domain: [f64; 2],
+    },
     /// A coefficient has another number of components than the first one.
     #[error("coefficient {row} (counted from 0) has {found} components, the first one has {expected}")]
     RaggedCoefficients {

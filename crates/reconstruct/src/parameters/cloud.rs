@@ -6,8 +6,8 @@ use param_classic::{
 };
 use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
 
-use super::{Layout, mesh, network};
-use crate::parameter_options::{Networks, ParameterChoice};
+use super::{Layout, mesh, network, tube};
+use crate::parameter_options::{Closed, Networks, ParameterChoice};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
 /// Distance from the mesh over a cloud, in spacings, from which on a point is not of the surface.
@@ -29,6 +29,9 @@ pub(super) fn lay_out(
     options: &ParameterOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
+    if options.closed != Closed::None {
+        return tube::of_cloud(&cloud, choice, options, watch);
+    }
     let _ = watch(Event::Step("spanning a mesh over the cloud"));
     let found = find_boundary(cloud.points.view(), &BoundaryParams::default());
     let spanned = match (found, &cloud.boundary) {
@@ -77,6 +80,7 @@ fn by_spanned_mesh(
         rows: (0..cloud.points.nrows() as u32).collect(),
         boundary: found.outer.clone(),
         holes: found.holes.iter().map(|rim| hole(cloud, rim)).collect(),
+        rims: found.holes.clone(),
         method: if refined { "spanned mesh, mean-value, refined" } else { "spanned mesh, mean-value" },
         ..Layout::default()
     };
@@ -146,6 +150,7 @@ fn by_boundary(
         rows: (0..cloud.points.nrows() as u32).collect(),
         boundary: outer.clone(),
         holes: spanned.map(|found| found.holes.iter().map(|rim| hole(cloud, rim)).collect()).unwrap_or_default(),
+        rims: spanned.map(|found| found.holes.clone()).unwrap_or_default(),
         corners: Some(positions.map(|at| outer[at])),
         method,
         warnings,

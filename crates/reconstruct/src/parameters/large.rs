@@ -6,10 +6,11 @@ use std::sync::Arc;
 use fit_ls::LeastSquares;
 use moving_param::{Boundary, Constraints, FootPointOptions, foot_points};
 use ndarray::{Array2, ArrayView2, Axis, arr1};
-use param_classic::{extend_map, map_quality, triangulate_parameters};
+use param_classic::{extend_map, map_quality, triangulate_parameters, unroll};
 use point_cloud::spread_subset;
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
+use thb_core::{HierarchicalSpace, Kind, KnotVector};
 
+use super::closed::wrap;
 use super::cloud::{self, Cloud, STRAY};
 use super::{Layout, network, spread_over_square};
 use crate::parameter_options::ParameterChoice;
@@ -67,7 +68,14 @@ pub(super) fn lay_out(
         true => triangulate_parameters(part.parameters.view())?,
         false => part.triangles.clone(),
     };
-    let carried = extend_map(part.points.view(), &triangles, part.parameters.view(), cloud.points.view())?;
+    let closed = options.closed.directions();
+    let cut = unroll(&triangles, part.parameters.view(), closed);
+    let carried = extend_map(
+        cut.vertices(part.points.view()).view(),
+        &cut.triangles,
+        cut.parameters.view(),
+        cloud.points.view(),
+    )?;
     let stray = STRAY * part.spacing.unwrap_or(f64::INFINITY);
     let near: Vec<usize> = (0..m).filter(|&i| carried.distances[i] <= stray).collect();
     let left_out = m - near.len();
@@ -85,14 +93,17 @@ pub(super) fn lay_out(
     let triangles: Vec<[u32; 3]> = part.triangles.iter().map(|t| t.map(place)).collect();
     // The outline of a subset lies within the cloud's, by a share of its spacing: some parameters lie outside the square.
     let mut parameters = carried;
-    spread_over_square(&mut parameters);
+    spread_over_square(&mut parameters, closed);
+    wrap(&mut parameters, closed);
     let folded = |parameters: &Array2<f64>| {
-        map_quality(points.view(), &triangles, parameters.view()).map(|quality| quality.folded.len())
+        let cut = unroll(&triangles, parameters.view(), closed);
+        map_quality(cut.vertices(points.view()).view(), &cut.triangles, cut.parameters.view())
+            .map(|quality| quality.folded.len())
     };
     let mut folds = folded(&parameters)?;
     for elements in PROJECTIONS {
         let _ = watch(Event::Step("moving the points onto a smooth surface"));
-        let moved = project(points.view(), &parameters, elements)?;
+        let moved = project(points.view(), &parameters, elements, closed)?;
         let then = folded(&moved)?;
         // A surface too coarse for the shape, or parameters too far off, tangle the points.
         if then > folds + triangles.len() / FOLDED {
@@ -101,14 +112,17 @@ pub(super) fn lay_out(
         }
         (parameters, folds) = (moved, then);
     }
+    let rims = part.rims.iter().map(|rim| rim.iter().map(|&i| place(i)).collect()).collect();
     Ok(Layout {
         boundary: part.boundary.iter().map(|&i| place(i)).collect(),
         corners: part.corners.map(|corners| corners.map(place)),
+        seam: part.seam.map(|seam| seam.map(place)),
         triangles,
         points,
         parameters,
         rows,
         subset: Some(kept.len()),
+        rims,
         holes: part.holes,
         method: part.method,
         refined: part.refined,
@@ -122,20 +136,33 @@ pub(super) fn lay_out(
 }
 
 /// Parameters of the foot points on a smooth surface that is fitted to the points at their present ones.
-fn project(points: ArrayView2<'_, f64>, parameters: &Array2<f64>, elements: usize) -> Result<Array2<f64>, Error> {
-    let knots = KnotVector::uniform(DEGREE, elements)?;
-    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots])?);
+fn project(
+    points: ArrayView2<'_, f64>,
+    parameters: &Array2<f64>,
+    elements: usize,
+    closed: [bool; 2],
+) -> Result<Array2<f64>, Error> {
+    let knots = |closed: bool| match closed {
+        true => KnotVector::uniform_periodic(DEGREE, elements),
+        false => KnotVector::uniform(DEGREE, elements),
+    };
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots(closed[0])?, knots(closed[1])?])?);
     let mut fit = LeastSquares::new(parameters.view(), points, None, fit_ls::Options::default())?;
     let map = fit.fit(&space)?;
-    let free = Constraints::new(parameters.view(), space.domain(), Boundary::Free);
+    let free = Constraints::in_space(parameters.view(), space.as_ref(), Boundary::Free);
     let feet = foot_points(&map, fit.points(), &free, &FootPointOptions::default())?;
     let mut moved = parameters.clone();
     for (&i, foot) in fit.points().order().iter().zip(feet.parameters) {
         let mut place = moved.row_mut(i as usize);
         // Farther away is another part of the surface.
-        if (0..2).all(|d| (foot[d] - place[d]).abs() <= LONGEST_MOVE) {
+        let way = |d: usize| {
+            let way = foot[d] - place[d];
+            if closed[d] { way - way.round() } else { way }
+        };
+        if (0..2).all(|d| way(d).abs() <= LONGEST_MOVE) {
             place.assign(&arr1(&foot));
         }
     }
+    wrap(&mut moved, closed);
     Ok(moved)
 }

@@ -9,8 +9,8 @@ use point_cloud::{
 };
 
 use super::cloud::Cloud;
-use super::{Layout, corners_among, large};
-use crate::parameter_options::{ParameterChoice, Refine};
+use super::{Layout, corners_among, large, tube};
+use crate::parameter_options::{Closed, ParameterChoice, Refine};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
 /// Share of the triangles up to which pieces besides the largest are stray and left out.
@@ -132,10 +132,14 @@ fn map(
     options: &ParameterOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
+    if options.closed != Closed::None {
+        return tube::of_mesh(&disk, choice, options, watch);
+    }
     let hole = |rim: &point_cloud::BoundaryLoop| HoleReport { points: rim.vertices.len(), length: rim.length };
     let holes: Vec<HoleReport> = disk.holes().iter().map(hole).collect();
     let points = disk.vertices().to_owned();
     let boundary = disk.outer_loop().vertices.clone();
+    let rims = disk.holes().iter().map(|rim| rim.vertices.clone()).collect();
     let _ = watch(Event::Step("mapping the mesh"));
     let map = map_mesh(disk, &map_params(choice, corners, options))?;
     let mut layout = Layout {
@@ -149,6 +153,7 @@ fn map(
         points,
         boundary,
         holes,
+        rims,
         ..Layout::default()
     };
     layout.take(map);
@@ -182,6 +187,12 @@ impl Layout {
         self.rows = kept.iter().map(|&i| self.rows[i]).collect();
         self.triangles.iter_mut().for_each(|t| *t = t.map(place));
         self.boundary.iter_mut().for_each(|i| *i = place(*i));
+        for rim in &mut self.rims {
+            // Points of a rim may have been off the surface.
+            rim.retain(|i| kept.binary_search(&(*i as usize)).is_ok());
+            rim.iter_mut().for_each(|i| *i = place(*i));
+        }
         self.corners = self.corners.map(|corners| corners.map(place));
+        self.seam = self.seam.map(|seam| seam.map(place));
     }
 }

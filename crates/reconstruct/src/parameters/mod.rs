@@ -8,6 +8,7 @@ mod large;
 mod mesh;
 mod network;
 mod quality;
+mod tube;
 
 use std::time::Instant;
 
@@ -17,7 +18,7 @@ use param_classic::map_quality;
 use point_cloud::{Duplicates, check_surface_cloud};
 
 pub use self::guard::NetworkReport;
-pub use self::quality::{HoleReport, ParameterReport, Stretch, VoidReport};
+pub use self::quality::{HoleReport, ParameterReport, SeamReport, Stretch, VoidReport};
 use crate::clean::{Cleaned, clean};
 use crate::parameter_options::{Closed, Domain, ParameterChoice, SideRule};
 use crate::{Error, Event, ParameterOptions, Watch};
@@ -42,8 +43,12 @@ pub struct Parameterized {
     pub triangles: Vec<[u32; 3]>,
     /// The points of the outer boundary in order; empty where it was not needed.
     pub boundary: Vec<u32>,
+    /// The points round each hole that was found, in order, in the order of the holes of the report.
+    pub rims: Vec<Vec<u32>>,
     /// Whether the parameters run against the triangles of the input.
     pub reversed: bool,
+    /// Whether u and whether v wraps at 1; a triangle may then lie across the seam.
+    pub closed: [bool; 2],
     /// How it went, and how good it is.
     pub report: ParameterReport,
     /// What the user should know.
@@ -60,7 +65,11 @@ struct Layout {
     triangles: Vec<[u32; 3]>,
     boundary: Vec<u32>,
     holes: Vec<HoleReport>,
+    /// The points round each of them.
+    rims: Vec<Vec<u32>>,
     corners: Option<[u32; 4]>,
+    /// Of each end of a tube the point nearest to the seam.
+    seam: Option<[u32; 2]>,
     method: &'static str,
     refined: bool,
     /// Points that were laid out at once, where not all were.
@@ -111,13 +120,18 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     let in_file = |i: u32| rows[layout.rows[i as usize] as usize];
     let mut report = quality::measure(&layout, options.domain, options.closed)?;
     report.corners = layout.corners.map(|corners| corners.map(in_file));
+    report.seam = layout.seam.map(|seam| SeamReport {
+        rows: seam.map(in_file),
+        points: seam.map(|i| std::array::from_fn(|k| layout.points[[i as usize, k]])),
+    });
     report.left_out = read - layout.rows.len();
     report.outliers = found.outliers;
     report.stray = found.stray;
     report.seconds = start.elapsed().as_secs_f64();
     let rows = (0..layout.rows.len() as u32).map(in_file).collect();
-    let Layout { points, parameters, triangles, boundary, reversed, .. } = layout;
-    Ok(Parameterized { points, parameters, rows, triangles, boundary, reversed, report, warnings })
+    let Layout { points, parameters, triangles, boundary, rims, reversed, .. } = layout;
+    let closed = options.closed.directions();
+    Ok(Parameterized { points, parameters, rows, triangles, boundary, rims, reversed, closed, report, warnings })
 }
 
 /// Lays points out in the way asked for; `rows` are theirs in the file.
@@ -171,17 +185,20 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
             layout.rows = found.kept.iter().map(|&row| row as u32).collect();
             Ok(layout)
         }
-        _ if options.closed != Closed::None => Err(Error::NotClosed { closed: options.closed.to_string() }),
         (ParameterChoice::MeanValue | ParameterChoice::Uniform, true, _) if given_boundary.is_none() => {
+            tube::check(choice, false, options)?;
             mesh::lay_out_or_take_vertices(scan, rows, choice, options, watch)
         }
         _ => {
+            tube::check(choice, given_boundary.is_some(), options)?;
             let corners = corners_among(rows, options)?;
             let cloud = cloud::Cloud { points: scan.cloud.points, boundary: given_boundary, corners };
             let mut layout = large::lay_out(cloud, choice, options, watch)?;
             // The triangles of a mesh tell its outside, whatever laid out its vertices.
             match scan.triangles {
                 Some(triangles) => layout.reversed = layout.runs_against(&triangles, rows.len()),
+                // A tube has an inside.
+                None if options.closed != Closed::None => {}
                 None => {
                     layout.warnings.push("the cloud does not tell its outside: --flip turns the face normal".to_owned())
                 }
@@ -243,9 +260,9 @@ fn corners_among(rows: &[u32], options: &ParameterOptions) -> Result<Option<[u32
     Ok(Some(places))
 }
 
-/// Stretches or shrinks each column of parameters so that it reaches from 0 to 1; one that is constant stays.
-pub(crate) fn spread_over_square(parameters: &mut Array2<f64>) {
-    for mut column in parameters.columns_mut() {
+/// Stretches or shrinks each column of parameters that does not wrap so that it reaches from 0 to 1; one that is constant stays.
+pub(crate) fn spread_over_square(parameters: &mut Array2<f64>, closed: [bool; 2]) {
+    for (mut column, _) in parameters.columns_mut().into_iter().zip(closed).filter(|(_, closed)| !closed) {
         let (lower, upper) = extent(column.view());
         if upper > lower {
             column.mapv_inplace(|x| ((x - lower) / (upper - lower)).clamp(0.0, 1.0));

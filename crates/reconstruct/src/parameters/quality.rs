@@ -1,7 +1,7 @@
 //! How good parameters are, for the report.
 
 use ndarray::Axis;
-use param_classic::{Distortion, Verdict, cloud_quality, map_quality};
+use param_classic::{Distortion, Verdict, cloud_quality, map_quality, unroll};
 use serde::Serialize;
 
 use super::{Layout, NetworkReport, spread_over_square};
@@ -39,6 +39,8 @@ pub struct ParameterReport {
     pub holes: Vec<HoleReport>,
     /// Rows in the file of the points at (0,0), (1,0), (1,1), (0,1), from 0.
     pub corners: Option<[u32; 4]>,
+    /// Where the seam of a tube ends that was laid out by its shape.
+    pub seam: Option<SeamReport>,
     /// Triangles over the points, of a mesh or spanned over a cloud; 0 if there are none.
     pub triangles: usize,
     /// Those that are folded over in the parameter square, by an exact predicate.
@@ -59,6 +61,15 @@ pub struct ParameterReport {
     pub hint: String,
     /// Seconds from the points to the parameters.
     pub seconds: f64,
+}
+
+/// Of each end of a tube the point nearest to the seam, where the closed parameter is 0; the first at 0 of the other one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SeamReport {
+    /// Their rows in the file, from 0.
+    pub rows: [u32; 2],
+    /// Their places.
+    pub points: [[f64; 3]; 2],
 }
 
 /// The rim of a hole.
@@ -103,14 +114,15 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
     let mut parameters = layout.parameters.select(Axis(0), &some);
     if domain == Domain::Data {
         // Voids are looked for in the unit square.
-        spread_over_square(&mut parameters);
+        spread_over_square(&mut parameters, [false; 2]);
     }
     let mut spread = cloud_quality(points.view(), parameters.view())?;
     if layout.is_height_field || closed != Closed::None {
         // Heights may be in another unit than places, and places next to the two sides of a seam are neighbours.
         spread.distance_correlation = None;
     }
-    let map = map_quality(layout.points.view(), &layout.triangles, layout.parameters.view())?;
+    let cut = unroll(&layout.triangles, layout.parameters.view(), closed.directions());
+    let map = map_quality(cut.vertices(layout.points.view()).view(), &cut.triangles, cut.parameters.view())?;
     let mut assessments = vec![spread.assessment(some.len())];
     if !layout.triangles.is_empty() {
         assessments.push(map.assessment());
@@ -134,6 +146,7 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
         boundary_points: layout.boundary.len(),
         holes: layout.holes.clone(),
         corners: None,
+        seam: None,
         triangles: layout.triangles.len(),
         folded: map.folded.len(),
         collapsed: map.collapsed,

@@ -12,6 +12,9 @@
 //! Sides that collapse to a point get no edge, and their ends are one vertex. Knots of multiplicity above the degree, along
 //! which the map may jump, are refused.
 //!
+//! Holes are cut out of faces as inner bounds, each a closed edge whose curve follows the surface to 10⁻⁷ of its size. A face is
+//! not divided where a hole lies.
+//!
 //! In a periodic direction the shell closes: a face all round has an edge on the seam that its loop follows both ways, and
 //! of several faces the last shares that edge with the first. A shell without any boundary, of a torus, is a
 //! `CLOSED_SHELL`. Opposite sides of open directions stay two edges, even where they coincide.
@@ -20,10 +23,11 @@ mod document;
 mod part21;
 mod partition;
 mod shell;
+mod trim;
 
 use std::io::{self, Write};
 
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, TensorSpace};
 
 use super::{Geometry, LengthUnit, Model, ModelErrorKind};
@@ -41,6 +45,10 @@ pub struct StepOptions {
     /// Largest number of control points of one face, 20 000 unless told. CAD systems open such faces at once, and
     /// larger ones slowly; smaller values give more faces.
     pub max_control_points: usize,
+    /// Holes of a surface: of each the control points, shape `(n, 2)` with n ≥ 4, of a closed uniform cubic B-spline in the
+    /// parameter domain, in either direction. They must lie inside the domain, off the seam of a closed direction, and neither
+    /// meet each other nor themselves, which is not checked.
+    pub holes: Vec<Array2<f64>>,
     /// Turns the normal of all faces round: it is ∂u × ∂v otherwise.
     pub flip: bool,
     /// Name of the file, for its header.
@@ -60,6 +68,7 @@ impl Default for StepOptions {
     fn default() -> Self {
         Self {
             max_control_points: 20_000,
+            holes: Vec::new(),
             flip: false,
             file_name: String::new(),
             product: "model".to_owned(),
@@ -87,12 +96,14 @@ impl StepFile {
     /// Brings a model into tensor-product form.
     ///
     /// # Errors
-    /// [`ModelErrorKind::PointDimension`], [`ModelErrorKind::Discontinuous`], [`ModelErrorKind::Degenerate`].
+    /// [`ModelErrorKind::PointDimension`], [`ModelErrorKind::Discontinuous`], [`ModelErrorKind::Degenerate`],
+    /// [`ModelErrorKind::HoleOutside`].
     pub fn new(model: &Model, options: &StepOptions) -> Result<Self, ModelErrorKind> {
         let (shape, uncertainty) = match &model.geometry {
             Geometry::Surface(map) => {
                 let tolerance = checked_tolerance(map)?;
-                (Shape::Shell(Shell::new(map, options.max_control_points, tolerance)?), tolerance)
+                let (limit, size) = (options.max_control_points, diagonal(map.coefficients()));
+                (Shape::Shell(Shell::new(map, limit, tolerance, &options.holes, size)?), tolerance)
             }
             Geometry::Curve(map) => {
                 let closed = map.space().periodic()[0];
@@ -175,6 +186,7 @@ fn diagonal(points: ArrayView2<'_, f64>) -> f64 {
 fn write_shell(file: &mut Part21<'_>, shell: &Shell, flip: bool) -> io::Result<Id> {
     let mut used = vec![false; shell.edges.len()];
     shell.faces.iter().flat_map(|face| &face.boundary).for_each(|(edge, _)| used[*edge] = true);
+    shell.faces.iter().flat_map(|face| &face.holes).for_each(|edge| used[*edge] = true);
     let mut vertices: Vec<Option<Id>> = vec![None; shell.vertices.len()];
     let mut edges: Vec<Option<Id>> = vec![None; shell.edges.len()];
     for (number, edge) in shell.edges.iter().enumerate().filter(|(number, _)| used[*number]) {
@@ -220,8 +232,13 @@ fn write_face(file: &mut Part21<'_>, face: &Face, edges: &[Option<Id>], flip: bo
         oriented.reverse();
     }
     let boundary = file.entity(format_args!("EDGE_LOOP('',{})", list(oriented)))?;
-    let bound = file.entity(format_args!("FACE_OUTER_BOUND('',{boundary},.T.)"))?;
-    file.entity(format_args!("ADVANCED_FACE('',({bound}),{surface},{})", logical(!flip)))
+    let mut bounds = vec![file.entity(format_args!("FACE_OUTER_BOUND('',{boundary},.T.)"))?];
+    for edge in face.holes.iter().filter_map(|&edge| edges[edge]) {
+        let oriented = file.entity(format_args!("ORIENTED_EDGE('',*,*,{edge},{})", logical(!flip)))?;
+        let rim = file.entity(format_args!("EDGE_LOOP('',({oriented}))"))?;
+        bounds.push(file.entity(format_args!("FACE_BOUND('',{rim},.T.)"))?);
+    }
+    file.entity(format_args!("ADVANCED_FACE('',{},{surface},{})", list(bounds), logical(!flip)))
 }
 
 fn logical(value: bool) -> &'static str {

@@ -41,10 +41,15 @@ struct Cut {
 
 /// Cuts the domain along cell boundaries until each box has at most `limit` control points, and further where a cut saves
 /// more than [`FACE_COST`]: at each step the cut after which both parts need the fewest. A patch of one cell has
-/// (p + 1)(q + 1) points whatever the limit.
+/// (p + 1)(q + 1) points whatever the limit. No cut runs through one of the boxes `whole`, even where that leaves more than the
+/// limit.
 ///
 /// A cut may run through a coarse cell: the map is one polynomial there, and any part of it exact.
-pub(super) fn partition(space: &HierarchicalSpace<2>, limit: usize) -> Result<Vec<GridBox>, ModelErrorKind> {
+pub(super) fn partition(
+    space: &HierarchicalSpace<2>,
+    limit: usize,
+    whole: &[GridBox],
+) -> Result<Vec<GridBox>, ModelErrorKind> {
     let finest = space.n_levels() - 1;
     let grid = space.mesh().grid(finest).map(|n| n as u32);
     let cells = space
@@ -62,9 +67,9 @@ pub(super) fn partition(space: &HierarchicalSpace<2>, limit: usize) -> Result<Ve
     while let Some(region) = stack.pop() {
         let lines = [0, 1].map(|d| knots.lines(&region, d));
         let points = knots.points(&lines);
-        let best = knots.best_cut(&region.bounds, &lines).filter(|cut| cut.cost + FACE_COST < points);
+        let best = knots.best_cut(&region.bounds, &lines, whole).filter(|cut| cut.cost + FACE_COST < points);
         let cut = match best {
-            None if points > limit => central_cut(&region.bounds, &lines),
+            None if points > limit => central_cut(&region.bounds, &lines, whole),
             best => best.map(|cut| (cut.direction, cut.at)),
         };
         match cut {
@@ -76,10 +81,19 @@ pub(super) fn partition(space: &HierarchicalSpace<2>, limit: usize) -> Result<Ve
 }
 
 /// The cut nearest to the middle, across the direction with more lines.
-fn central_cut(bounds: &GridBox, lines: &[Vec<Line>; 2]) -> Option<(usize, u32)> {
-    let direction = usize::from(lines[1].len() > lines[0].len());
-    let middle = bounds.lower[direction].midpoint(bounds.upper[direction]);
-    lines[direction].iter().map(|line| line.at).min_by_key(|at| at.abs_diff(middle)).map(|at| (direction, at))
+fn central_cut(bounds: &GridBox, lines: &[Vec<Line>; 2], whole: &[GridBox]) -> Option<(usize, u32)> {
+    let more = usize::from(lines[1].len() > lines[0].len());
+    [more, 1 - more].into_iter().find_map(|direction| {
+        let middle = bounds.lower[direction].midpoint(bounds.upper[direction]);
+        let allowed = lines[direction].iter().map(|line| line.at).filter(|&at| may_cut(bounds, whole, direction, at));
+        allowed.min_by_key(|at| at.abs_diff(middle)).map(|at| (direction, at))
+    })
+}
+
+/// Whether a cut across a region leaves the boxes in it whole.
+fn may_cut(bounds: &GridBox, whole: &[GridBox], direction: usize, at: u32) -> bool {
+    let inside = |b: &&GridBox| (0..2).all(|d| bounds.lower[d] <= b.lower[d] && b.upper[d] <= bounds.upper[d]);
+    !whole.iter().filter(inside).any(|b| b.lower[direction] < at && at < b.upper[direction])
 }
 
 impl Region {
@@ -141,7 +155,7 @@ impl KnotGrid {
     ///
     /// A line of the cut's own direction survives in the part where it lies: the leaf cells tile the region, so where a
     /// cell ends its neighbour begins. A line of the other direction survives in the parts that it reaches into.
-    fn best_cut(&self, bounds: &GridBox, lines: &[Vec<Line>; 2]) -> Option<Cut> {
+    fn best_cut(&self, bounds: &GridBox, lines: &[Vec<Line>; 2], whole: &[GridBox]) -> Option<Cut> {
         let mut best: Option<Cut> = None;
         for direction in 0..2 {
             let other = 1 - direction;
@@ -164,7 +178,8 @@ impl KnotGrid {
                 let points = |own: usize, cross: usize| (order[0] + own).saturating_mul(order[1] + cross);
                 let cost = points(before, across[0]).saturating_add(points(after, across[1]));
                 let offset = (line.at - bounds.lower[direction]).abs_diff(bounds.upper[direction] - line.at);
-                if best.as_ref().is_none_or(|b| (cost, offset) < (b.cost, b.offset)) {
+                let better = best.as_ref().is_none_or(|b| (cost, offset) < (b.cost, b.offset));
+                if better && may_cut(bounds, whole, direction, line.at) {
                     best = Some(Cut { direction, at: line.at, cost, offset });
                 }
                 before += line.multiplicity;

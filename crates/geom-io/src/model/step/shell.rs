@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ndarray::ArrayView1;
+use ndarray::{Array2, ArrayView1};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, TensorSpace};
 
 use super::partition::{GridBox, partition};
+use super::trim::{Rim, rims};
 use crate::model::ModelErrorKind;
 
 /// A connected shell.
@@ -22,6 +23,8 @@ pub(super) struct Face {
     pub(super) closed: [bool; 2],
     /// Edge numbers, and whether the loop follows the edge's own direction.
     pub(super) boundary: Vec<(usize, bool)>,
+    /// The rims of its holes, one closed edge each, clockwise in the parameter plane.
+    pub(super) holes: Vec<usize>,
 }
 
 /// A piece of an isoparametric line, in the direction of its growing parameter.
@@ -34,7 +37,7 @@ pub(super) struct Edge {
 }
 
 /// Corner of a patch, in cells of the finest level.
-type Corner = [u32; 2];
+pub(super) type Corner = [u32; 2];
 
 /// A point of the map in space; maps into the plane lie in z = 0.
 pub(super) fn in_space(point: ArrayView1<'_, f64>) -> [f64; 3] {
@@ -48,16 +51,43 @@ impl Shell {
     /// the map itself and is the same, to round-off, as the boundary of both patches. Edges no longer than `tolerance`
     /// are left out and their ends become one vertex: a side may collapse to a point. At the seam of a periodic direction
     /// the first and the last patch are neighbours, or one patch is its own neighbour.
-    pub(super) fn new(map: &SplineMap<2>, limit: usize, tolerance: f64) -> Result<Self, ModelErrorKind> {
+    ///
+    /// Each of the `holes`, closed cubic rims in the parameter plane, is cut out of one patch: no side runs through a hole.
+    pub(super) fn new(
+        map: &SplineMap<2>,
+        limit: usize,
+        tolerance: f64,
+        holes: &[Array2<f64>],
+        size: f64,
+    ) -> Result<Self, ModelErrorKind> {
         let space = map.space();
         let (lower, upper) = space.domain();
         let counts = space.patch_knots(lower, upper)?.map(|knots| knots.n_functions());
         let grid = space.mesh().grid(space.n_levels() - 1).map(|n| n as u32);
+        let finest = space.n_levels() - 1;
+        let rims = rims(holes, [space.knots(finest, 0)?.breaks(), space.knots(finest, 1)?.breaks()])?;
         let boxes = match counts[0].saturating_mul(counts[1]) {
             n if n <= limit => vec![GridBox { lower: [0; 2], upper: grid }],
-            _ => partition(space, limit)?,
+            _ => partition(space, limit, &rims.iter().map(|rim| rim.bounds).collect::<Vec<_>>())?,
         };
-        Builder::new(map, grid, &boxes)?.build(&boxes, tolerance)
+        let mut shell = Builder::new(map, grid, &boxes)?.build(&boxes, tolerance)?;
+        for rim in &rims {
+            shell.cut(map, rim, &boxes, size)?;
+        }
+        Ok(shell)
+    }
+
+    /// Cuts a hole out of the face whose box holds it.
+    fn cut(&mut self, map: &SplineMap<2>, rim: &Rim, boxes: &[GridBox], size: f64) -> Result<(), ModelErrorKind> {
+        for (face, b) in self.faces.iter_mut().zip(boxes) {
+            if rim.is_in(b.lower, b.upper) {
+                self.vertices.push(rim.start(map)?);
+                self.edges.push(rim.edge(map, self.vertices.len() - 1, size)?);
+                face.holes.push(self.edges.len() - 1);
+                break;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -135,7 +165,7 @@ impl<'a> Builder<'a> {
                 return Err(ModelErrorKind::Degenerate { lower: lower.to_vec(), upper: upper.to_vec(), tolerance });
             }
             let closed = [0, 1].map(|d| self.periodic[d] && b.upper[d] - b.lower[d] == self.grid[d]);
-            faces.push(Face { surface: self.map.patch(lower, upper)?, closed, boundary });
+            faces.push(Face { surface: self.map.patch(lower, upper)?, closed, boundary, holes: Vec::new() });
         }
         Ok(Shell { faces, edges, vertices })
     }
@@ -197,6 +227,7 @@ impl Shell {
     pub(super) fn is_closed(&self) -> bool {
         let mut uses = vec![0; self.edges.len()];
         self.faces.iter().flat_map(|face| &face.boundary).for_each(|(edge, _)| uses[*edge] += 1);
+        self.faces.iter().flat_map(|face| &face.holes).for_each(|edge| uses[*edge] += 1);
         uses.iter().all(|&uses| uses == 0 || uses == 2)
     }
 }

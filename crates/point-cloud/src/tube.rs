@@ -1,0 +1,196 @@
+//! The two ends of a tube, and a short way from one to the other.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use crate::vec3::{add, cross, dot, norm, scale, sub};
+use crate::{BoundaryLoop, CloudError, DiskMesh};
+
+/// The ends of a mesh that is taken as a tube, which may have further holes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TubeEnds<'a> {
+    /// The end that is longest round, then the loop that is farthest from it along edges. The surface lies on their left.
+    pub ends: [&'a BoundaryLoop; 2],
+    /// All other loops.
+    pub holes: Vec<&'a BoundaryLoop>,
+    /// Vertices of the shortest way along edges from the first end to the second.
+    pub path: Vec<u32>,
+    /// Its length, in the units of the mesh.
+    pub length: f64,
+}
+
+impl DiskMesh {
+    /// The ends of the mesh, taken as a tube. A mesh of one piece without handles that has two boundary loops is one; of
+    /// further loops those nearer to the first end are holes. O(n log n).
+    ///
+    /// # Errors
+    /// [`CloudError::NoTube`] with one boundary loop only.
+    pub fn tube_ends(&self) -> Result<TubeEnds<'_>, CloudError> {
+        let (first, others) = (self.outer_loop(), self.holes());
+        if others.is_empty() {
+            return Err(CloudError::NoTube { loops: 1, length: first.length });
+        }
+        let Ways { distance, before } = Ways::from(self, &first.vertices);
+        let away = |rim: &BoundaryLoop, pick: fn(f64, f64) -> f64, start: f64| {
+            rim.vertices.iter().map(|&v| distance[v as usize]).fold(start, pick)
+        };
+        // Of equally far loops the longest, which comes first.
+        let mut far = 0;
+        for k in 1..others.len() {
+            if away(&others[k], f64::max, 0.0) > away(&others[far], f64::max, 0.0) {
+                far = k;
+            }
+        }
+        let length = away(&others[far], f64::min, f64::INFINITY);
+        let nearest = others[far].vertices.iter().copied().find(|&v| distance[v as usize] <= length);
+        let mut path: Vec<u32> = nearest.into_iter().collect();
+        while let Some(previous) = path.last().and_then(|&v| before[v as usize]) {
+            path.push(previous);
+        }
+        path.reverse();
+        let holes = others.iter().enumerate().filter(|(k, _)| *k != far).map(|(_, rim)| rim).collect();
+        Ok(TubeEnds { ends: [first, &others[far]], holes, path, length })
+    }
+
+    /// The volume inside, all boundary loops closed by fans: positive if the triangles are counter-clockwise seen from
+    /// outside.
+    pub fn enclosed_volume(&self) -> f64 {
+        let origin = self.vertex(0);
+        let at = |v: u32| sub(self.vertex(v), origin);
+        let spanned = |[a, b, c]: [[f64; 3]; 3]| dot(a, cross(b, c)) / 6.0;
+        let inner: f64 = self.triangles().iter().map(|t| spanned(t.map(at))).sum();
+        let caps = std::iter::once(self.outer_loop()).chain(self.holes()).map(|rim| {
+            let n = rim.vertices.len();
+            let centre = scale(1.0 / n as f64, rim.vertices.iter().fold([0.0; 3], |sum, &v| add(sum, at(v))));
+            // The surface lies on the left of the loop, so its cap is passed backwards.
+            (0..n).map(|i| spanned([at(rim.vertices[(i + 1) % n]), at(rim.vertices[i]), centre])).sum::<f64>()
+        });
+        inner + caps.sum::<f64>()
+    }
+
+    fn vertex(&self, v: u32) -> [f64; 3] {
+        std::array::from_fn(|k| self.vertices()[[v as usize, k]])
+    }
+}
+
+/// Shortest ways along edges.
+struct Ways {
+    /// Length of the way to each vertex.
+    distance: Vec<f64>,
+    /// The vertex before it on its way; none for starts.
+    before: Vec<Option<u32>>,
+}
+
+impl Ways {
+    /// From several starts (Dijkstra 1959). Of equally long ways the one found first from the smaller vertex stays.
+    fn from(disk: &DiskMesh, starts: &[u32]) -> Self {
+        let n = disk.vertices().nrows();
+        let mut neighbours: Vec<[u32; 2]> =
+            disk.triangles().iter().flat_map(|&[a, b, c]| [[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]]).collect();
+        neighbours.sort_unstable();
+        neighbours.dedup();
+        let mut first = vec![0; n + 1];
+        neighbours.iter().for_each(|[a, _]| first[*a as usize + 1] += 1);
+        (0..n).for_each(|v| first[v + 1] += first[v]);
+        let mut ways = Self { distance: vec![f64::INFINITY; n], before: vec![None; n] };
+        let mut open = BinaryHeap::new();
+        for &start in starts {
+            ways.distance[start as usize] = 0.0;
+            open.push(Reverse((Length(0.0), start)));
+        }
+        while let Some(Reverse((Length(length), v))) = open.pop() {
+            if length > ways.distance[v as usize] {
+                continue;
+            }
+            for &[_, to] in &neighbours[first[v as usize]..first[v as usize + 1]] {
+                let further = length + norm(sub(disk.vertex(v), disk.vertex(to)));
+                if further < ways.distance[to as usize] {
+                    (ways.distance[to as usize], ways.before[to as usize]) = (further, Some(v));
+                    open.push(Reverse((Length(further), to)));
+                }
+            }
+        }
+        ways
+    }
+}
+
+/// A finite length, ordered.
+#[derive(Clone, Copy, PartialEq)]
+struct Length(f64);
+
+impl Eq for Length {}
+
+impl PartialOrd for Length {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Length {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{PI, TAU};
+
+    use super::*;
+    use crate::TriangleMesh;
+    use ndarray::Array2;
+
+    const AROUND: u32 = 24;
+    const ALONG: u32 = 9;
+
+    /// A cone of height 3 whose radius falls from 1 to a half, normals outward, without the cells that `open` names.
+    fn cone(open: impl Fn(u32, u32) -> bool) -> TriangleMesh {
+        let at = |i: u32, j: u32| (i % AROUND) * (ALONG + 1) + j;
+        let cells = (0..AROUND * ALONG).map(|c| (c / ALONG, c % ALONG)).filter(|&(i, j)| !open(i, j));
+        let triangles = cells
+            .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
+            .collect();
+        let vertices = Array2::from_shape_fn(((AROUND * (ALONG + 1)) as usize, 3), |(row, k)| {
+            let (angle, v) =
+                (TAU * f64::from(row as u32 / (ALONG + 1)) / 24.0, f64::from(row as u32 % (ALONG + 1)) / 9.0);
+            let radius = 1.0 - 0.5 * v;
+            [radius * angle.cos(), radius * angle.sin(), 3.0 * v][k]
+        });
+        TriangleMesh { vertices, triangles }
+    }
+
+    #[test]
+    fn the_way_from_end_to_end_is_a_straight_line_of_a_cone() {
+        let disk = DiskMesh::new(cone(|_, _| false)).unwrap();
+        let tube = disk.tube_ends().unwrap();
+        assert!(tube.ends[0].length > tube.ends[1].length && tube.holes.is_empty());
+        assert_eq!(tube.path.len(), ALONG as usize + 1);
+        assert!((tube.length - 0.5f64.hypot(3.0)).abs() < 1e-12);
+        assert!(tube.path.windows(2).all(|pair| pair[1] == pair[0] + 1));
+        // The volume of a frustum, less what 24 corners cut off.
+        let smooth = PI * 3.0 * (1.0 + 0.5 + 0.25) / 3.0;
+        assert!((disk.enclosed_volume() / smooth - 24.0 / TAU * (TAU / 24.0).sin()).abs() < 1e-2);
+    }
+
+    #[test]
+    fn a_hole_larger_than_the_far_end_stays_a_hole() {
+        let disk = DiskMesh::new(cone(|i, j| (3..13).contains(&i) && (2..7).contains(&j))).unwrap();
+        let tube = disk.tube_ends().unwrap();
+        assert_eq!((tube.ends[0].vertices[0] % (ALONG + 1), tube.ends[1].vertices[0] % (ALONG + 1)), (0, ALONG));
+        assert!(tube.holes.len() == 1 && tube.holes[0].length > tube.ends[1].length);
+    }
+
+    #[test]
+    fn triangles_the_other_way_round_enclose_a_negative_volume() {
+        let mut mesh = cone(|i, j| (i, j) == (5, 5));
+        let outward = DiskMesh::new(mesh.clone()).unwrap().enclosed_volume();
+        mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        assert!((DiskMesh::new(mesh).unwrap().enclosed_volume() + outward).abs() < 1e-12 && outward > 0.0);
+    }
+
+    #[test]
+    fn one_loop_is_no_tube() {
+        let disk = DiskMesh::new(cone(|i, _| i == 0)).unwrap();
+        assert!(matches!(disk.tube_ends(), Err(CloudError::NoTube { loops: 1, .. })));
+    }
+}
