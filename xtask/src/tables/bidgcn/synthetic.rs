@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use param_nn::{BezierFit, Bidgcn, ControlPoints, ScatteredSpec, TrainOptions, Trainer, Variant, stream};
+use param_nn::{BezierFit, Bidgcn, ControlPoints, Neighbours, ScatteredSpec, TrainOptions, Trainer, Variant, stream};
 
 use super::{BIDGCN, LPSP, Networks, text};
 use crate::tables::mapped::{Method, boundary};
@@ -115,7 +115,9 @@ pub(super) fn tables(networks: &Networks, clouds: u64, tell: &mut dyn FnMut(&str
 /// The network in a few steps: as shipped, as published, and without its boundary layer.
 pub(super) fn trained(shipped: &Bidgcn, steps: u64, clouds: u64, tell: &mut dyn FnMut(&str)) -> Result<String> {
     let train = |variant, frame| -> Result<Bidgcn> {
-        let mut trainer = Trainer::new(TrainOptions { variant, frame, steps, rate: RATE, seed: TRAIN_SEED });
+        let neighbours = Neighbours::WithinRadius;
+        let options = TrainOptions { variant, frame, neighbours, steps, rate: RATE, seed: TRAIN_SEED };
+        let mut trainer = Trainer::new(options);
         while trainer.step_count() < steps {
             trainer.step()?;
         }
