@@ -6,8 +6,8 @@ use crate::real::Real;
 /// Over how many images of a cloud a prediction is averaged.
 ///
 /// The square has eight symmetries: u and v may be swapped, and either turned round. A network commutes with them only as
-/// nearly as it has learned to. The mean of what it says of the images, turned back, is nearer to the truth, and over all
-/// eight it commutes exactly, up to round-off.
+/// nearly as it has learned to. The mean of what it says of the images, turned back, is nearer to the truth. All images take
+/// the graphs that the features of the cloud itself span, so even the mean over all eight does not commute exactly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Symmetries {
     /// The cloud as it is: the network as published.
