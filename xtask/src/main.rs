@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use param_nn::{
-    Architecture, Form, GridTrainOptions, GridTrainer, GriddedSpec, PargcnForm, PargcnTrainOptions, PargcnTrainer,
-    Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions, Trainer, Variant,
+    Architecture, Form, GridTrainOptions, GridTrainer, GriddedSpec, Neighbours, PargcnForm, PargcnTrainOptions,
+    PargcnTrainer, Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions, Trainer, Variant,
 };
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
@@ -33,7 +33,7 @@ enum Arguments {
 
 #[derive(Subcommand)]
 enum Generate {
-    /// Sample random curves and surfaces at sorted random parameters; one CSV file an item: u,x,y and so on.
+    /// Sample random curves and surfaces at sorted random parameters; one file an item: u,x,y and so on.
     Gridded {
         /// What is sampled.
         #[arg(long)]
@@ -56,6 +56,9 @@ enum Generate {
         /// Number of items.
         #[arg(long, default_value_t = 1)]
         count: u64,
+        /// What is written.
+        #[arg(long, default_value = "csv")]
+        format: gridded::FileFormat,
         /// The folder to write to.
         #[arg(long)]
         out: PathBuf,
@@ -141,6 +144,9 @@ struct ScatteredArguments {
     /// The form as published: points are not turned into the frame of the boundary, and PARGCN is not guided.
     #[arg(long)]
     plain: bool,
+    /// In place of the neighbours within a radius, so many nearest ones.
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u16).range(3..))]
+    nearest: Option<u16>,
     /// The folder of the run: checkpoint, weights, log and curve.
     #[arg(long)]
     out: PathBuf,
@@ -156,7 +162,8 @@ struct ScatteredArguments {
 impl ScatteredArguments {
     fn run<T: Training>(self, network: &str, rate: f64, options: impl Fn(&Self, f64) -> T::Options) -> Run<T> {
         let rate = self.rate.unwrap_or(rate);
-        let flag = if self.plain { " --plain" } else { "" };
+        let nearest = self.nearest.map_or(String::new(), |count| format!(" --nearest {count}"));
+        let flag = format!("{}{nearest}", if self.plain { " --plain" } else { "" });
         let command =
             format!("cargo xtask train {network} --steps {} --rate {rate} --seed {}{flag}", self.steps, self.seed);
         let options = options(&self, rate);
@@ -164,9 +171,10 @@ impl ScatteredArguments {
     }
 
     fn message_passing(self, variant: Variant) -> Run<Trainer> {
-        self.run(variant.name(), 3e-3, |Self { steps, seed, plain, .. }, rate| TrainOptions {
+        self.run(variant.name(), 3e-3, |Self { steps, seed, plain, nearest, .. }, rate| TrainOptions {
             variant,
             frame: !plain,
+            neighbours: nearest.map_or(Neighbours::WithinRadius, Neighbours::Nearest),
             steps: *steps,
             rate,
             seed: *seed,
@@ -174,8 +182,9 @@ impl ScatteredArguments {
     }
 
     fn pargcn(self) -> Run<PargcnTrainer> {
-        self.run("pargcn", 1e-3, |Self { steps, seed, plain, .. }, rate| PargcnTrainOptions {
+        self.run("pargcn", 1e-3, |Self { steps, seed, plain, nearest, .. }, rate| PargcnTrainOptions {
             form: if *plain { PargcnForm::Published } else { PargcnForm::Guided },
+            nearest: *nearest,
             steps: *steps,
             rate,
             seed: *seed,
@@ -396,10 +405,10 @@ fn main() -> Result<()> {
             missing.into_iter().for_each(|missing| println!("{missing}"));
             println!("{}", path.display());
         }
-        Arguments::Generate(Generate::Gridded { kind, degree, points, across, noise, seed, count, out }) => {
+        Arguments::Generate(Generate::Gridded { kind, degree, points, across, noise, seed, count, format, out }) => {
             let across = if kind == gridded::Kind::Surface { across.unwrap_or(points) } else { across.unwrap_or(1) };
             let spec = GriddedSpec { shape: kind.shape(degree), size: [points, across], noise };
-            let paths = gridded::write(&spec, seed, count, &out)?;
+            let paths = gridded::write(&spec, format, seed, count, &out)?;
             println!("{} items in {}", paths.len(), out.display());
         }
         Arguments::Generate(Generate::Scattered { family, degree, points, noise, seed, count, out }) => {

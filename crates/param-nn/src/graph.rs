@@ -7,6 +7,16 @@ use crate::real::{matrix, product, vectorized};
 /// Rows whose products with all points are formed at once: a block of 64 rows by 10⁴ points takes 2.5 MB.
 const BLOCK: usize = 64;
 
+/// Which points are neighbours, in space and among features.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Neighbours {
+    /// Those within the radius 0.1, the nearest 32 of them, as published.
+    #[default]
+    WithinRadius,
+    /// So many nearest ones, however far; a point counts as its own.
+    Nearest(u16),
+}
+
 /// Edges from sources to targets, grouped by target.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Graph {
@@ -51,7 +61,7 @@ impl Graph {
 }
 
 /// The points within `radius` of each query, the nearest `cap` of them; equally far ones by index. Queries and points
-/// are rows of `width` numbers. With `own`, query i is point i, and its distance to itself is exactly 0.
+/// are rows of `width` numbers; an infinite radius leaves all to the cap. With `own`, query i is point i, and its distance to itself is exactly 0.
 pub(crate) fn radius_graph(queries: &[f32], points: &[f32], width: usize, radius: f32, cap: usize, own: bool) -> Graph {
     let n = points.len() / width;
     // Distances from squares cancel where points are far from the origin: move it into their middle.
@@ -136,6 +146,8 @@ impl Nearest {
             *d = square + s - 2.0 * p;
         }
         let distances = &self.distances;
+        // An infinite bound has no middle.
+        let bound = if bound.is_finite() { bound } else { distances.iter().fold(0.0, |far: f32, d| far.max(*d)) };
         // PERF: counting is a vector loop, sorting out is not; the bound is first brought near the cap-th distance.
         let count = |bound: f32| distances.iter().map(|d| u32::from(*d <= bound)).sum::<u32>() as usize;
         let (mut low, mut high) = (0.0, bound);
@@ -201,6 +213,15 @@ mod tests {
             let graph = radius_graph(queries, &points, width, radius, cap, false);
             assert_eq!(sorted_rows(&graph), brute_force(queries, &points, width, radius, cap));
         }
+    }
+
+    #[test]
+    fn without_a_radius_every_point_has_the_same_number_of_neighbours() {
+        let mut random = stream(5, 1);
+        let points: Vec<f32> = (0..200 * 3).map(|_| random.random::<f32>().powi(4)).collect();
+        let graph = radius_graph(&points, &points, 3, f32::INFINITY, 7, true);
+        assert_eq!(sorted_rows(&graph), brute_force(&points, &points, 3, f32::INFINITY, 7));
+        assert!((0..200).all(|i| graph.of(i).len() == 7));
     }
 
     #[test]

@@ -22,8 +22,9 @@ mod synthetic;
 mod train;
 
 pub use bezier::{BezierFit, LARGEST_DEGREE};
-pub use bidgcn::{Bidgcn, LARGEST_CLOUD, Variant};
+pub use bidgcn::{Bidgcn, LARGEST_CLOUD, Reading, Symmetries, Variant};
 pub use error::NnError;
+pub use graph::Neighbours;
 pub use gridded::{GriddedCloud, GriddedSpec, Shape};
 pub use parcnn::{
     Architecture, ComparisonNetwork, Form, LARGEST_GRID, Parcnn, SHIPPED_FORM, SplineSpace, grid_parameters,

@@ -1,10 +1,13 @@
 //! Sequences and grids on random curves and surfaces, the training and test data of PARCNN.
 
 use std::fmt::Write as _;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
+use ndarray::Array2;
+use ndarray_npy::NpzWriter;
 use param_nn::{GriddedCloud, GriddedSpec, Shape, stream};
 
 /// What is sampled.
@@ -32,19 +35,32 @@ impl Kind {
     }
 }
 
-/// Writes items 0, 1, … of a seed as `gridded_0000.csv`, … and returns their paths.
+/// How items are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FileFormat {
+    /// Columns `u,x,y` or `u,x,y,z` for curves, `u,v,x,y,z` for surfaces, the first index of the grid running slowest.
+    /// Numbers have all their digits.
+    Csv,
+    /// Arrays `parameters` and `points` of NumPy, of shape `(m, 1)` and `(m, N)` for curves, `(m₁, m₂, 2)` and
+    /// `(m₁, m₂, 3)` for surfaces.
+    Npz,
+}
+
+/// Writes items 0, 1, … of a seed as `gridded_0000.csv` or `gridded_0000.npz`, … and returns their paths.
 ///
-/// Columns `u,x,y` or `u,x,y,z` for curves, `u,v,x,y,z` for surfaces, the first index of the grid running slowest. Numbers
-/// have all their digits.
 ///
 /// # Errors
 /// Options out of range; what writing meets.
-pub fn write(spec: &GriddedSpec, seed: u64, count: u64, folder: &Path) -> Result<Vec<PathBuf>> {
+pub fn write(spec: &GriddedSpec, format: FileFormat, seed: u64, count: u64, folder: &Path) -> Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let one = |index: u64| {
         let cloud = spec.sample(&mut stream(seed, index))?;
-        let path = folder.join(format!("gridded_{index:04}.csv"));
-        std::fs::write(&path, csv(&cloud)?).with_context(|| format!("cannot write {}", path.display()))?;
+        let (extension, bytes) = match format {
+            FileFormat::Csv => ("csv", csv(&cloud)?.into_bytes()),
+            FileFormat::Npz => ("npz", npz(&cloud, spec.size)?),
+        };
+        let path = folder.join(format!("gridded_{index:04}.{extension}"));
+        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
         Ok(path)
     };
     (0..count).map(one).collect()
@@ -60,9 +76,44 @@ fn csv(cloud: &GriddedCloud) -> Result<String> {
     Ok(text)
 }
 
+fn npz(cloud: &GriddedCloud, [along, across]: [usize; 2]) -> Result<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut file = NpzWriter::new(&mut bytes);
+    let mut add = |name: &str, rows: &Array2<f64>| -> Result<()> {
+        if cloud.parameters.ncols() == 1 {
+            file.add_array(name, rows)?;
+        } else {
+            file.add_array(name, &rows.to_shape((along, across, rows.ncols()))?)?;
+        }
+        Ok(())
+    };
+    add("parameters", &cloud.parameters)?;
+    add("points", &cloud.points)?;
+    file.finish()?;
+    Ok(bytes.into_inner())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ndarray::{Array3, Ix2};
+    use ndarray_npy::NpzReader;
+
+    #[test]
+    fn arrays_of_numpy_read_back_bit_by_bit() {
+        let sample = |kind: Kind, size| {
+            GriddedSpec { shape: kind.shape(3), size, noise: 0.01 }.sample(&mut stream(4, 2)).unwrap()
+        };
+        let curve = sample(Kind::SpaceCurve, [9, 1]);
+        let mut file = NpzReader::new(Cursor::new(npz(&curve, [9, 1]).unwrap())).unwrap();
+        assert_eq!(file.by_name::<ndarray::OwnedRepr<f64>, Ix2>("points").unwrap(), curve.points);
+        assert_eq!(file.by_name::<ndarray::OwnedRepr<f64>, Ix2>("parameters").unwrap(), curve.parameters);
+        let surface = sample(Kind::Surface, [4, 5]);
+        let mut file = NpzReader::new(Cursor::new(npz(&surface, [4, 5]).unwrap())).unwrap();
+        let points: Array3<f64> = file.by_name("points").unwrap();
+        assert_eq!(points.dim(), (4, 5, 3));
+        assert!((0..4).all(|i| (0..5).all(|j| (0..3).all(|k| points[[i, j, k]] == surface.points[[5 * i + j, k]]))));
+    }
 
     #[test]
     fn written_items_read_back_bit_by_bit() {

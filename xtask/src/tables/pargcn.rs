@@ -142,7 +142,7 @@ elements.
 const OURS: usize = 4;
 
 fn table_6(network: &Pargcn, control_points: ControlPoints) -> Result<String> {
-    let start = PargcnTrainOptions { form: PargcnForm::Guided, steps: 0, rate: 0.0, seed: 0 };
+    let start = PargcnTrainOptions { form: PargcnForm::Guided, nearest: None, steps: 0, rate: 0.0, seed: 0 };
     let untrained = PargcnTrainer::new(start).network("");
     let corrected = PargcnOptions { correction: true, ..PargcnOptions::default() };
     let [unif, recd, lpsp] = CLASSICAL;

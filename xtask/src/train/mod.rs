@@ -182,14 +182,21 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
 mod tests {
     use super::*;
     use param_nn::{
-        Architecture, Bidgcn, GridTrainOptions, GridTrainer, Parcnn, Recipe, SHIPPED_FORM, TrainOptions, Trainer,
-        Variant,
+        Architecture, Bidgcn, GridTrainOptions, GridTrainer, Neighbours, Parcnn, Recipe, SHIPPED_FORM, TrainOptions,
+        Trainer, Variant,
     };
 
     #[test]
     fn a_run_leaves_weights_log_and_curve_and_goes_on() {
         let folder = std::env::temp_dir().join(format!("train-{}", std::process::id()));
-        let options = TrainOptions { variant: Variant::Bidgcn, frame: true, steps: 2, rate: 1e-3, seed: 1 };
+        let options = TrainOptions {
+            variant: Variant::Bidgcn,
+            frame: true,
+            neighbours: Neighbours::WithinRadius,
+            steps: 2,
+            rate: 1e-3,
+            seed: 1,
+        };
         let mut run = Run::<Trainer> {
             options,
             out: folder.clone(),

@@ -6,14 +6,15 @@ use point_cloud::check_surface_cloud;
 use super::frame::turned;
 use super::network::Input;
 use crate::error::NnError;
+use crate::graph::Neighbours;
 use crate::real::Real;
 use crate::synthetic::ScatteredCloud;
 
 /// How far from the boundary of the square a boundary parameter may lie: parameters read from text have nine digits.
-const BOUNDARY_TOLERANCE: f64 = 1e-9;
+pub(super) const BOUNDARY_TOLERANCE: f64 = 1e-9;
 
 /// Points with the interior ones first.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Cloud {
     pub(crate) xyz: Vec<[f64; 3]>,
     /// Parameters; of interior points the true ones where they are known, else zeros.
@@ -97,9 +98,9 @@ impl Cloud {
     }
 
     /// What the network is given.
-    pub(crate) fn input<T: Real>(&self, frame: bool) -> Input<T> {
+    pub(crate) fn input<T: Real>(&self, frame: bool, neighbours: Neighbours) -> Input<T> {
         let points = self.scaled(frame);
-        Input::new(&points[..self.interior], &points[self.interior..], self.boundary_uv())
+        Input::new(&points[..self.interior], &points[self.interior..], self.boundary_uv(), neighbours)
     }
 
     /// Parameters of all points in the order of the original cloud, from those of the interior points.

@@ -4,9 +4,12 @@ pub(crate) mod cloud;
 mod frame;
 pub(crate) mod layers;
 pub(crate) mod layout;
+pub(crate) mod midpoints;
 pub(crate) mod model;
 pub(crate) mod network;
 pub(crate) mod op;
+mod symmetry;
 
 pub use layout::Variant;
-pub use model::{Bidgcn, LARGEST_CLOUD};
+pub use model::{Bidgcn, LARGEST_CLOUD, Reading};
+pub use symmetry::Symmetries;

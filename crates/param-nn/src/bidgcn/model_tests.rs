@@ -34,6 +34,32 @@ fn the_embedded_network_comes_near_the_true_parameters() {
 }
 
 #[test]
+fn averages_over_symmetries_are_nearer_to_the_truth() {
+    let network = Bidgcn::embedded().unwrap();
+    let averaged = network.clone().read_as(Reading::BEST);
+    let validation = Validation::new(78, 3).unwrap();
+    for (once, mean) in validation.scores(&network).into_iter().zip(validation.scores(&averaged)) {
+        assert!(mean.mse < once.mse && mean.parameter_error < once.parameter_error, "{mean:?} {once:?}");
+    }
+}
+
+#[test]
+fn averages_depend_less_on_how_the_square_lies() {
+    let (points, boundary, parameters) = cloud(200);
+    let turned = Array2::from_shape_fn(parameters.dim(), |(i, k)| [1.0 - parameters[[i, 1]], parameters[[i, 0]]][k]);
+    let differ = |network: &Bidgcn| {
+        let predict = |fixed: &Array2<f64>| network.predict(points.view(), &boundary, fixed.view()).unwrap();
+        let image = predict(&turned);
+        let back = Array2::from_shape_fn(image.dim(), |(i, k)| [image[[i, 1]], 1.0 - image[[i, 0]]][k]);
+        largest_difference(&predict(&parameters), &back)
+    };
+    let network = Bidgcn::embedded().unwrap();
+    let once = differ(&network);
+    let averaged = differ(&network.read_as(Reading { symmetries: Symmetries::Eight, midpoints_up_to: 0 }));
+    assert!(averaged < 0.5 * once, "{averaged}, {once} of a single reading");
+}
+
+#[test]
 fn boundary_points_keep_their_parameters_and_the_rest_lies_in_the_square() {
     let (points, boundary, parameters) = cloud(200);
     let uv = Bidgcn::embedded().unwrap().predict(points.view(), &boundary, parameters.view()).unwrap();

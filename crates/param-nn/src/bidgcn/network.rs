@@ -9,7 +9,7 @@ use super::layers::{
     input_gradient, linear, neighbour_means, neighbour_means_backward, own_matrix, relu, relu_backward, rows, zeros,
 };
 use super::layout::{HIDDEN, Layout, MessageSlots};
-use crate::graph::{Graph, radius_graph};
+use crate::graph::{Graph, Neighbours, radius_graph};
 use crate::real::Real;
 
 /// Radius of all graphs, in the unit cube and in the spaces of features; the text is silent, the published code has it.
@@ -18,9 +18,18 @@ const RADIUS: f32 = 0.1;
 /// Most neighbours of an interior point; most interior points that a boundary point speaks to.
 const CAP: usize = 32;
 
+/// Radius and cap of a graph.
+fn reach(neighbours: Neighbours) -> (f32, usize) {
+    match neighbours {
+        Neighbours::WithinRadius => (RADIUS, CAP),
+        Neighbours::Nearest(count) => (f32::INFINITY, usize::from(count)),
+    }
+}
+
 /// What the network is given.
 #[derive(Clone, Debug)]
 pub(crate) struct Input<T> {
+    neighbours: Neighbours,
     /// Interior points, three numbers each, in the unit cube.
     pub(super) interior: Vec<T>,
     /// Boundary points and their parameters, five numbers each.
@@ -31,16 +40,23 @@ pub(crate) struct Input<T> {
 }
 
 impl<T: Real> Input<T> {
-    pub(crate) fn new(interior: &[[f64; 3]], boundary: &[[f64; 3]], boundary_uv: &[[f64; 2]]) -> Self {
+    pub(crate) fn new(
+        interior: &[[f64; 3]],
+        boundary: &[[f64; 3]],
+        boundary_uv: &[[f64; 2]],
+        neighbours: Neighbours,
+    ) -> Self {
+        let (radius, cap) = reach(neighbours);
         let flat = |points: &[[f64; 3]]| -> Vec<f32> { points.iter().flatten().map(|&x| x as f32).collect() };
         let (inside, around) = (flat(interior), flat(boundary));
         // The limit counts for the boundary points: they choose whom they speak to.
-        let spoken_to = radius_graph(&around, &inside, 3, RADIUS, CAP, false);
+        let spoken_to = radius_graph(&around, &inside, 3, radius, cap, false);
         let five = |(p, uv): (&[f64; 3], &[f64; 2])| [p[0], p[1], p[2], uv[0], uv[1]];
         Self {
+            neighbours,
             interior: interior.iter().flatten().map(|&x| T::from_f64(x)).collect(),
             boundary: boundary.iter().zip(boundary_uv).flat_map(five).map(T::from_f64).collect(),
-            interior_graph: radius_graph(&inside, &inside, 3, RADIUS, CAP, true),
+            interior_graph: radius_graph(&inside, &inside, 3, radius, cap, true),
             boundary_graph: spoken_to.reversed(interior.len()),
         }
     }
@@ -59,6 +75,7 @@ pub(crate) struct Tape<T> {
     /// Outputs of the input layer and of the hidden layers.
     features: Vec<Vec<T>>,
     means: Vec<Vec<T>>,
+    /// Of the hidden layers.
     pub(super) graphs: Vec<Graph>,
     first: Normalized<T>,
     second: Normalized<T>,
@@ -103,7 +120,7 @@ pub(crate) fn forward<T: Real>(
         let x = &features[k];
         let graph = match graphs {
             Some(graphs) => graphs[k].clone(),
-            None => feature_graph(x),
+            None => feature_graph(x, input.neighbours),
         };
         let mean = neighbour_means(&graph, x);
         let weights = part(&slots.weights);
@@ -129,9 +146,10 @@ pub(crate) fn forward<T: Real>(
     (logits, Tape { interior, boundary, features, means, graphs: dynamic, first, second })
 }
 
-fn feature_graph<T: Real>(x: &[T]) -> Graph {
+fn feature_graph<T: Real>(x: &[T], neighbours: Neighbours) -> Graph {
+    let (radius, cap) = reach(neighbours);
     let features: Vec<f32> = x.iter().map(|x| x.to_f64() as f32).collect();
-    radius_graph(&features, &features, WIDTH, RADIUS, CAP, true)
+    radius_graph(&features, &features, WIDTH, radius, cap, true)
 }
 
 /// Gradient by all weights, from that of the logits; the graphs count as constant. Biases before a batch normalization

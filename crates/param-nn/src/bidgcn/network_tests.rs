@@ -11,7 +11,7 @@ fn input<T: Real>(interior: usize) -> Input<T> {
     let cloud = spec.sample(&mut stream(11, 0)).unwrap();
     let all: Vec<[f64; 3]> = cloud.points.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
     let uv: Vec<[f64; 2]> = cloud.parameters.rows().into_iter().map(|u| [u[0], u[1]]).collect();
-    Input::new(&all[..interior], &all[interior..], &uv[interior..])
+    Input::new(&all[..interior], &all[interior..], &uv[interior..], Neighbours::default())
 }
 
 fn weights(layout: &Layout) -> Vec<f64> {

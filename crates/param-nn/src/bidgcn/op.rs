@@ -100,6 +100,7 @@ mod tests {
     use super::*;
     use crate::bidgcn::cloud::Cloud;
     use crate::bidgcn::layout::Variant;
+    use crate::graph::Neighbours;
     use crate::synthetic::{ControlPoints, ScatteredSpec, stream};
     use candle_core::{Device, Var};
 
@@ -110,7 +111,7 @@ mod tests {
         let sample = spec.sample(&mut stream(3, 0)).unwrap();
         let cloud = Cloud::of_sample(&sample);
         let layout = Arc::new(Layout::new(Variant::Bidgcn));
-        let input = Arc::new(cloud.input::<f64>(true));
+        let input = Arc::new(cloud.input::<f64>(true, Neighbours::default()));
         let theta: Vec<f64> = crate::train::initial_weights(layout.slots(), 1).into_iter().map(f64::from).collect();
         let graphs = forward(&layout, &theta, &input, None).1.graphs;
         let loss = |theta: &Tensor| {

@@ -13,6 +13,9 @@ const COINCIDENT: f64 = 1e-12;
 /// Factor by which a radius grows that leaves points without a path to the boundary.
 const GROWTH: f64 = 1.25;
 
+/// Size of the unit cube: a larger radius finds no further neighbours.
+const ACROSS: f64 = 1.732_050_807_568_877_2;
+
 /// Cut-off points that an error names.
 const CUT_OFF_NAMED: usize = 5;
 
@@ -35,6 +38,20 @@ pub(crate) struct EdgeGraph {
     roots: Vec<f64>,
 }
 
+/// The nearest points of each interior point, in order.
+fn nearest(points: &[[f64; 3]], interior: usize, limit: usize) -> Result<Vec<Vec<Neighbour>>, NnError> {
+    Ok(CloudTree::new(points)?.map_nearest(limit, |i, near| {
+        let mut row: Vec<Neighbour> = near.iter().copied().filter(|n| i < interior && n.0 > COINCIDENT).collect();
+        row.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        row
+    }))
+}
+
+fn error(cut_off: Vec<u32>, interior: usize, radius: f64) -> NnError {
+    let (count, first) = (cut_off.len(), cut_off.into_iter().take(CUT_OFF_NAMED).collect());
+    ParamError::CutOffPoints { count, interior, radius, first }.into()
+}
+
 impl EdgeGraph {
     /// Of points in the unit cube, the interior ones first; at most `limit` neighbours, the nearest ones. The radius grows
     /// until each interior point has a path to the boundary.
@@ -42,25 +59,28 @@ impl EdgeGraph {
     /// # Errors
     /// [`ParamError::CutOffPoints`] where no radius is large enough.
     pub(crate) fn new(points: &[[f64; 3]], interior: usize, mut radius: f64, limit: usize) -> Result<Self, NnError> {
-        let tree = CloudTree::new(points)?;
-        let nearest: Vec<Vec<Neighbour>> = tree.map_nearest(limit, |i, near| {
-            let mut row: Vec<Neighbour> = near.iter().copied().filter(|n| i < interior && n.0 > COINCIDENT).collect();
-            row.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            row
-        });
+        let nearest = nearest(points, interior, limit)?;
         loop {
             let graph = Self::within(&nearest[..interior], points.len(), radius);
             let cut_off = graph.cut_off();
             if cut_off.is_empty() {
                 return Ok(graph);
             }
-            // The unit cube is √3 across: a larger radius finds no further neighbours.
-            if radius >= 3f64.sqrt() {
-                let (count, first) = (cut_off.len(), cut_off.into_iter().take(CUT_OFF_NAMED).collect());
-                return Err(ParamError::CutOffPoints { count, interior, radius, first }.into());
+            if radius >= ACROSS {
+                return Err(error(cut_off, interior, radius));
             }
             radius *= GROWTH;
         }
+    }
+
+    /// The same with `limit` nearest points however far; `radius` is kept as a unit.
+    ///
+    /// # Errors
+    /// [`ParamError::CutOffPoints`] where points have no path to the boundary.
+    pub(crate) fn nearest(points: &[[f64; 3]], interior: usize, radius: f64, limit: usize) -> Result<Self, NnError> {
+        let graph = Self::within(&nearest(points, interior, limit)?[..interior], points.len(), f64::INFINITY);
+        let cut_off = graph.cut_off();
+        if cut_off.is_empty() { Ok(Self { radius, ..graph }) } else { Err(error(cut_off, interior, ACROSS)) }
     }
 
     fn within(nearest: &[Vec<Neighbour>], points: usize, radius: f64) -> Self {

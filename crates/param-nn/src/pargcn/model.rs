@@ -36,6 +36,9 @@ pub struct PargcnOptions {
     pub radius: Option<f64>,
     /// Most neighbours of a point, the nearest ones; at least 3.
     pub neighbours: usize,
+    /// Whether points have that many neighbours however far these are. The radius is then only the unit in which the guided
+    /// form measures ways.
+    pub nearest: bool,
     /// Whether the map is corrected (Imperatore 2024, §4.2.5): see [`correct_shape`].
     pub correction: bool,
 }
@@ -43,7 +46,7 @@ pub struct PargcnOptions {
 impl Default for PargcnOptions {
     /// 32 neighbours as in training, without a correction.
     fn default() -> Self {
-        Self { radius: None, neighbours: 32, correction: false }
+        Self { radius: None, neighbours: 32, nearest: false, correction: false }
     }
 }
 
@@ -74,7 +77,10 @@ impl<T: Real> Input<T> {
         let guided = form == PargcnForm::Guided;
         let points = cloud.scaled(guided);
         let radius = options.radius.unwrap_or(RADIUS * (POINTS / points.len() as f64).sqrt());
-        let graph = EdgeGraph::new(&points, cloud.interior, radius, options.neighbours)?;
+        let graph = match options.nearest {
+            false => EdgeGraph::new(&points, cloud.interior, radius, options.neighbours)?,
+            true => EdgeGraph::nearest(&points, cloud.interior, radius, options.neighbours)?,
+        };
         let unit = if guided { RADIUS / graph.radius } else { 1.0 };
         let mut features = Vec::with_capacity(FEATURES * graph.edges());
         for (i, p) in points[..cloud.interior].iter().enumerate() {

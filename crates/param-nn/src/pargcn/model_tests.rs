@@ -5,7 +5,7 @@ use crate::synthetic::{ControlPoints, ScatteredSpec, stream, uniform_rotation};
 use crate::{PargcnTrainOptions, PargcnTrainer, Score, Validation};
 
 fn untrained(form: PargcnForm) -> Pargcn {
-    PargcnTrainer::new(PargcnTrainOptions { form, steps: 1, rate: 1e-3, seed: 4 }).network("test")
+    PargcnTrainer::new(PargcnTrainOptions { form, nearest: None, steps: 1, rate: 1e-3, seed: 4 }).network("test")
 }
 
 fn cloud(interior: usize) -> (Array2<f64>, Vec<u32>, Array2<f64>) {

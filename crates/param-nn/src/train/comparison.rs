@@ -4,9 +4,9 @@ use candle_core::{D, Device, Tensor, Var};
 use candle_nn::ops::softmax;
 use ndarray::{Array1, ArrayView2};
 
-use super::cosine_rate;
 use super::gridded::{FLOOR, POWER};
 use super::optimizer::{Optimizer, Recipe};
+use super::{LAST_RATE, cosine_rate};
 use crate::error::NnError;
 use crate::gridded::scale_to_unit_box;
 use crate::parcnn::SplineSpace;
@@ -52,7 +52,7 @@ impl Comparison {
             if !gradient.iter().all(|g| g.is_finite()) {
                 return Err(NnError::Training { step, reason: "gradient is not finite; lower the rate".into() });
             }
-            optimizer.step(&mut theta, &gradient, cosine_rate(rate, step, step as f64 / steps as f64));
+            optimizer.step(&mut theta, &gradient, cosine_rate(rate, LAST_RATE, step, step as f64 / steps as f64));
         }
         Ok(Self { network, degree, theta })
     }

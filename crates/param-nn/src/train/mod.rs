@@ -21,10 +21,12 @@ pub use self::pargcn::{PargcnTrainOptions, PargcnTrainer};
 use self::state::{State, needed};
 pub use self::validation::{Score, Validation};
 use crate::archive::Archive;
-use crate::bidgcn::Bidgcn;
 use crate::bidgcn::layout::{Layout, Variant};
+use crate::bidgcn::midpoints::with_midpoints;
 use crate::bidgcn::op::{Network, PatchError};
+use crate::bidgcn::{Bidgcn, Reading};
 use crate::error::NnError;
+use crate::graph::Neighbours;
 use crate::slots::Slot;
 use crate::synthetic::stream;
 
@@ -39,7 +41,12 @@ const LAST_RATE: f64 = 0.01;
 const SUPERVISED_SHARE: f64 = 0.08;
 
 /// Interior points of the smallest and the largest cloud.
-const SIZES: [f64; 2] = [200.0, 2000.0];
+const SIZES: [f64; 2] = [100.0, 2000.0];
+
+/// Share of the clouds of at most so many interior points that get midpoints: networks are asked about sparse clouds with and
+/// without.
+const DENSE_SHARE: f64 = 0.5;
+const LARGEST_DENSE: usize = 500;
 
 /// Streams of random numbers: steps count from 0 on, the initial weights stand apart.
 const WEIGHT_STREAM: u64 = u64::MAX;
@@ -51,6 +58,8 @@ pub struct TrainOptions {
     pub variant: Variant,
     /// Whether points are turned into the frame of the boundary; without, the form as published.
     pub frame: bool,
+    /// Which points are neighbours.
+    pub neighbours: Neighbours,
     /// Steps of the whole run.
     pub steps: u64,
     /// Largest learning rate.
@@ -97,9 +106,9 @@ pub(crate) fn initial_weights(slots: &[Slot], seed: u64) -> Vec<f32> {
     theta
 }
 
-/// The learning rate: a linear warm-up, then half a cosine down to a small share of the peak.
-fn cosine_rate(peak: f64, step: u64, progress: f64) -> f64 {
-    let cosine = LAST_RATE + (1.0 - LAST_RATE) * 0.5 * (1.0 + (PI * progress).cos());
+/// The learning rate: a linear warm-up, then half a cosine down to a small share `last` of the peak.
+fn cosine_rate(peak: f64, last: f64, step: u64, progress: f64) -> f64 {
+    let cosine = last + (1.0 - last) * 0.5 * (1.0 + (PI * progress).cos());
     peak * cosine * (((step + 1) as f64) / RATE_WARM_UP).min(1.0)
 }
 
@@ -139,8 +148,12 @@ impl Trainer {
         let step = self.state.steps();
         let progress = step as f64 / self.options.steps.max(1) as f64;
         let supervised = (1.0 - progress / SUPERVISED_SHARE).max(0.0);
-        let (cloud, degree) = data::draw(SIZES, &mut stream(self.options.seed, step))?;
-        let input = Arc::new(cloud.input::<f32>(self.options.frame));
+        let mut random = stream(self.options.seed, step);
+        let (mut cloud, degree) = data::draw(SIZES, &mut random)?;
+        if cloud.interior <= LARGEST_DENSE && random.random::<f64>() < DENSE_SHARE {
+            cloud = with_midpoints(&cloud);
+        }
+        let input = Arc::new(cloud.input::<f32>(self.options.frame, self.options.neighbours));
         let differentiate = || -> candle_core::Result<(f64, Vec<f32>)> {
             let theta = Var::from_vec(self.state.theta.clone(), self.state.theta.len(), &Device::Cpu)?;
             let logits = theta.as_tensor().apply_op1(Network::new(self.layout.clone(), input))?;
@@ -159,20 +172,21 @@ impl Trainer {
             Ok((f64::from(error.to_scalar::<f32>()?), gradient.to_vec1()?))
         };
         let (mse, gradient) = differentiate().map_err(|e| NnError::Training { step, reason: e.to_string() })?;
-        let rate = cosine_rate(self.options.rate, step, progress);
+        let rate = cosine_rate(self.options.rate, LAST_RATE, step, progress);
         self.state.advance(mse, &gradient, rate)
     }
 
     /// The network with averaged weights, and notes on how it came about.
     pub fn network(&self, command: &str) -> Bidgcn {
-        let TrainOptions { variant, frame, steps, rate, seed } = self.options;
+        let TrainOptions { variant, frame, neighbours, steps, rate, seed } = self.options;
         let notes = self.state.notes([
             ("command", command.to_owned()),
             ("seed", seed.to_string()),
             ("rate", rate.to_string()),
             ("steps", steps.to_string()),
         ]);
-        Bidgcn { layout: self.layout.clone(), variant, frame, theta: self.state.average.clone(), notes }
+        let (layout, theta) = (self.layout.clone(), self.state.average.clone());
+        Bidgcn { layout, variant, frame, neighbours, theta, notes, reading: Reading::default() }
     }
 
     /// All that is needed to go on: a weights file with further tensors.
@@ -190,6 +204,7 @@ impl Trainer {
         let options = TrainOptions {
             variant: network.variant,
             frame: network.frame,
+            neighbours: network.neighbours,
             steps: needed(&archive, "steps")?,
             rate: needed(&archive, "rate")?,
             seed: needed(&archive, "seed")?,
@@ -203,8 +218,14 @@ impl Trainer {
 mod tests {
     use super::*;
 
-    const OPTIONS: TrainOptions =
-        TrainOptions { variant: Variant::Bidgcn, frame: true, steps: 1000, rate: 1e-3, seed: 3 };
+    const OPTIONS: TrainOptions = TrainOptions {
+        variant: Variant::Bidgcn,
+        frame: true,
+        neighbours: Neighbours::WithinRadius,
+        steps: 1000,
+        rate: 1e-3,
+        seed: 3,
+    };
 
     #[test]
     fn a_resumed_run_takes_the_same_steps() {
@@ -215,6 +236,18 @@ mod tests {
         let mut resumed = Trainer::resume(&trainer.checkpoint("test")).unwrap();
         assert_eq!(trainer.step().unwrap(), resumed.step().unwrap());
         assert_eq!(trainer.checkpoint("test"), resumed.checkpoint("test"));
+    }
+
+    #[test]
+    fn nearest_neighbours_are_trained_on_and_kept() {
+        let mut trainer = Trainer::new(TrainOptions { neighbours: Neighbours::Nearest(16), ..OPTIONS });
+        let within = Trainer::new(OPTIONS).step().unwrap();
+        let report = trainer.step().unwrap();
+        assert!(report.gradient > 0.0 && report.mse != within.mse, "{report:?}");
+        let resumed = Trainer::resume(&trainer.checkpoint("test")).unwrap();
+        assert_eq!(resumed.options(), trainer.options());
+        let loaded = Bidgcn::load(&trainer.network("test").to_bytes()).unwrap();
+        assert_eq!(loaded.neighbours(), Neighbours::Nearest(16));
     }
 
     #[test]

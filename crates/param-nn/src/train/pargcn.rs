@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::optimizer::Recipe;
-use super::state::{State, needed};
-use super::{StepReport, cosine_rate, data, initial_weights};
+use super::state::{State, needed, note};
+use super::{LAST_RATE, StepReport, cosine_rate, data, initial_weights};
 use crate::archive::Archive;
 use crate::bezier::BezierFit;
 use crate::bidgcn::cloud::Cloud;
@@ -31,12 +31,25 @@ const FLOOR: f64 = 1e-8;
 pub struct PargcnTrainOptions {
     /// The form; the published one is trained on the published clouds, on the mean squared error.
     pub form: PargcnForm,
+    /// In place of the radius graph, so many nearest neighbours.
+    pub nearest: Option<u16>,
     /// Steps of the whole run, one cloud each.
     pub steps: u64,
     /// Largest learning rate.
     pub rate: f64,
     /// Seed of weights and clouds.
     pub seed: u64,
+}
+
+impl PargcnTrainOptions {
+    /// How clouds are mapped in training.
+    fn mapping(&self) -> PargcnOptions {
+        let radius = PargcnOptions::default();
+        match self.nearest {
+            None => radius,
+            Some(count) => PargcnOptions { nearest: true, neighbours: usize::from(count), ..radius },
+        }
+    }
 }
 
 /// A training run of [`Pargcn`].
@@ -85,16 +98,10 @@ impl PargcnTrainer {
     pub fn step(&mut self) -> Result<StepReport, NnError> {
         let step = self.state.steps();
         let (cloud, degree) = self.draw(step)?;
-        let (mse, gradient) = loss_gradient(
-            &self.layout,
-            &self.state.theta,
-            self.options.form,
-            &PargcnOptions::default(),
-            &cloud,
-            degree,
-        )?;
+        let (mse, gradient) =
+            loss_gradient(&self.layout, &self.state.theta, self.options.form, &self.options.mapping(), &cloud, degree)?;
         let progress = step as f64 / self.options.steps.max(1) as f64;
-        self.state.advance(mse, &gradient, cosine_rate(self.options.rate, step, progress))
+        self.state.advance(mse, &gradient, cosine_rate(self.options.rate, LAST_RATE, step, progress))
     }
 
     fn draw(&self, step: u64) -> Result<(Cloud, usize), NnError> {
@@ -109,13 +116,16 @@ impl PargcnTrainer {
 
     /// The network with averaged weights, and notes on how it came about.
     pub fn network(&self, command: &str) -> Pargcn {
-        let PargcnTrainOptions { form, steps, rate, seed } = self.options;
-        let notes = self.state.notes([
+        let PargcnTrainOptions { form, nearest, steps, rate, seed } = self.options;
+        let mut notes = self.state.notes([
             ("command", command.to_owned()),
             ("seed", seed.to_string()),
             ("rate", rate.to_string()),
             ("steps", steps.to_string()),
         ]);
+        if let Some(count) = nearest {
+            notes.insert("nearest".into(), count.to_string());
+        }
         Pargcn { layout: self.layout.clone(), form, theta: self.state.average.clone(), notes }
     }
 
@@ -133,6 +143,7 @@ impl PargcnTrainer {
         let network = Pargcn::of_archive(archive.clone())?;
         let options = PargcnTrainOptions {
             form: network.form,
+            nearest: note(&archive, "nearest"),
             steps: needed(&archive, "steps")?,
             rate: needed(&archive, "rate")?,
             seed: needed(&archive, "seed")?,
@@ -182,7 +193,7 @@ mod tests {
     use rand::RngExt;
 
     const OPTIONS: PargcnTrainOptions =
-        PargcnTrainOptions { form: PargcnForm::Guided, steps: 1000, rate: 2e-3, seed: 3 };
+        PargcnTrainOptions { form: PargcnForm::Guided, nearest: None, steps: 1000, rate: 2e-3, seed: 3 };
 
     /// Network, softmax, linear system and fit in double precision, in every tensor.
     #[test]

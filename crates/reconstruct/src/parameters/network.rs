@@ -2,7 +2,7 @@
 
 use ndarray::{Array2, ArrayView2};
 use param_classic::{BoundaryParameters, ParamError};
-use param_nn::{Bidgcn, Pargcn, PargcnOptions, grid_parameters};
+use param_nn::{Bidgcn, Pargcn, PargcnOptions, Reading, grid_parameters};
 use point_cloud::GridShape;
 
 use crate::Error;
@@ -23,9 +23,9 @@ pub(super) fn of_grid(points: ArrayView2<'_, f64>, shape: GridShape) -> Result<A
     Ok(parameters.into_shape_with_order((given, 2)).map_err(|_| wrong())?)
 }
 
-/// Parameters of a cloud with known boundary by BIDGCN.
+/// Parameters of a cloud with known boundary by BIDGCN, the mean over the positions of the square.
 pub(super) fn of_cloud(points: ArrayView2<'_, f64>, fixed: &BoundaryParameters) -> Result<Array2<f64>, Error> {
-    Ok(Bidgcn::embedded()?.predict(points, &fixed.points, fixed.parameters.view())?)
+    Ok(Bidgcn::embedded()?.read_as(Reading::BEST).predict(points, &fixed.points, fixed.parameters.view())?)
 }
 
 /// Parameters of a cloud with known boundary by PARGCN.

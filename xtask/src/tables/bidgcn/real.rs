@@ -33,19 +33,19 @@ const MESHES: [(&str, &str); 3] = [
 const ELEMENTS: usize = 16;
 
 /// A cloud in the unit cube, its boundary with parameters, and triangles over it.
-struct RealCloud {
-    name: String,
-    points: Array2<f64>,
-    boundary: BoundaryParameters,
+pub(super) struct RealCloud {
+    pub(super) name: String,
+    pub(super) points: Array2<f64>,
+    pub(super) boundary: BoundaryParameters,
     triangles: Vec<[u32; 3]>,
     /// Parameters of the file.
-    own: Option<Array2<f64>>,
+    pub(super) own: Option<Array2<f64>>,
 }
 
 impl RealCloud {
     /// The boundary points are those whose parameters lie on the boundary of the square; folds are counted on the triangles
     /// that the parameters of the file span.
-    fn with_parameters(name: &str, path: &Path) -> Result<Self> {
+    pub(super) fn with_parameters(name: &str, path: &Path) -> Result<Self> {
         let scan = read_scan(path, &ReadOptions::default())?;
         let own = scan.cloud.parameters.with_context(|| format!("{} has no parameters", path.display()))?;
         let points = Normalization::of(scan.cloud.points.view())?.apply(scan.cloud.points.view())?;

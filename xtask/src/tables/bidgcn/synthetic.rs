@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use param_nn::{BezierFit, Bidgcn, ControlPoints, ScatteredSpec, TrainOptions, Trainer, Variant, stream};
+use param_nn::{BezierFit, Bidgcn, ControlPoints, Neighbours, ScatteredSpec, TrainOptions, Trainer, Variant, stream};
 
-use super::{BIDGCN, LPSP, Networks, text};
+use super::{AVERAGED, BIDGCN, LPSP, Networks, text};
 use crate::tables::mapped::{Method, boundary};
 use crate::tables::markdown::{factor, figure, table};
 use crate::tables::parcnn::fitting::{jointly_moved, polynomials};
@@ -25,12 +25,11 @@ const RATE: f64 = 3e-3;
 const TRAIN_SEED: u64 = 1;
 
 /// Means over the clouds of a cell.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Cell {
-    mse: f64,
+    /// Of each cloud that came out.
+    errors: Vec<f64>,
     seconds: f64,
-    /// Clouds that came out.
-    mapped: u64,
     /// Clouds for which the radius 3/√m was enough.
     radius_sufficed: u64,
     /// Of the fit after two joint steps, where it was asked for.
@@ -39,8 +38,25 @@ struct Cell {
 }
 
 impl Cell {
-    fn mean(self, sum: f64) -> f64 {
-        sum / self.mapped as f64
+    fn mean(&self, sum: f64) -> f64 {
+        sum / self.errors.len() as f64
+    }
+
+    fn mse(&self) -> f64 {
+        self.mean(self.errors.iter().sum())
+    }
+
+    /// The middle one, or the mean of the two in the middle.
+    fn median(&self) -> f64 {
+        let mut errors = self.errors.clone();
+        errors.sort_by(f64::total_cmp);
+        let middle = errors.len() / 2;
+        if errors.len() % 2 == 1 { errors[middle] } else { 0.5 * (errors[middle] + errors[middle.saturating_sub(1)]) }
+    }
+
+    /// On how many clouds the error is below that of another method, where both came out on all.
+    fn below(&self, other: &Self) -> usize {
+        self.errors.iter().zip(&other.errors).filter(|(a, b)| a < b).count()
     }
 }
 
@@ -53,10 +69,9 @@ fn cells(spec: ScatteredSpec, methods: &[(&str, Method<'_>)], with_joint: &[usiz
         let fixed = boundary(&cloud);
         for (k, (cell, (_, method))) in cells.iter_mut().zip(methods).enumerate() {
             let Ok(mapped) = method.map(cloud.points.view(), &fixed) else { continue };
-            cell.mapped += 1;
             cell.radius_sufficed += u64::from(mapped.radius_sufficed);
             cell.seconds += mapped.seconds;
-            cell.mse += BezierFit::new(mapped.parameters.view(), cloud.points.view(), spec.degree)?.mse;
+            cell.errors.push(BezierFit::new(mapped.parameters.view(), cloud.points.view(), spec.degree)?.mse);
             if with_joint.contains(&k) {
                 let clock = crate::tables::mapped::ProcessorClock::start();
                 cell.joint += jointly_moved(&mapped.parameters, cloud.points.view(), &space)?.mse();
@@ -72,7 +87,7 @@ pub(super) fn tables(networks: &Networks, clouds: u64, tell: &mut dyn FnMut(&str
     let methods = networks.methods();
     let names: Vec<&str> = methods.iter().map(|(name, _)| *name).collect();
     let mut out = String::from(text::BEFORE_ERRORS);
-    let (mut times, mut shares) = (Vec::new(), Vec::new());
+    let (mut times, mut shares, mut medians) = (Vec::new(), Vec::new(), Vec::new());
     for (degree, noises) in CASES {
         for &noise in noises {
             let mut rows = Vec::new();
@@ -80,13 +95,24 @@ pub(super) fn tables(networks: &Networks, clouds: u64, tell: &mut dyn FnMut(&str
                 let spec = ScatteredSpec { control_points: ControlPoints::Jittered, degree, interior, noise };
                 let cells = cells(spec, &methods, &[LPSP, BIDGCN], clouds)?;
                 tell(&format!("degree {degree}, noise {noise:.0e}, {interior} points"));
-                let mse: Vec<f64> = cells.iter().map(|cell| cell.mean(cell.mse)).collect();
+                let mse: Vec<f64> = cells.iter().map(Cell::mse).collect();
                 let joint: Vec<f64> = cells.iter().map(|cell| cell.mean(cell.joint)).collect();
                 let mut row = vec![interior.to_string()];
                 row.extend(mse.iter().copied().map(figure));
-                row.extend([factor(mse[BIDGCN], mse[LPSP]), figure(joint[BIDGCN]), factor(joint[BIDGCN], mse[LPSP])]);
+                row.extend([factor(mse[BIDGCN], mse[LPSP]), factor(mse[AVERAGED], mse[LPSP])]);
+                row.extend([figure(joint[BIDGCN]), factor(joint[BIDGCN], mse[LPSP])]);
                 row.extend([figure(joint[LPSP]), factor(joint[LPSP], mse[LPSP])]);
                 rows.push(row);
+                if degree == 2 {
+                    let noisy = if noise > 0.0 { format!(", noise {noise:.0e}") } else { String::new() };
+                    let mut row = vec![format!("{interior}{noisy}"), figure(cells[LPSP].median())];
+                    for k in [BIDGCN, AVERAGED] {
+                        let median = cells[k].median();
+                        row.extend([figure(median), factor(median, cells[LPSP].median())]);
+                        row.push(format!("{} of {clouds}", cells[k].below(&cells[LPSP])));
+                    }
+                    medians.push(row);
+                }
                 if degree == 2 && noise == 0.0 {
                     let mut row = vec![interior.to_string()];
                     row.extend(cells.iter().map(|cell| format!("{:.1}", 1e3 * cell.mean(cell.seconds))));
@@ -95,16 +121,27 @@ pub(super) fn tables(networks: &Networks, clouds: u64, tell: &mut dyn FnMut(&str
                 }
                 if degree == 2 && noise == 5e-2 {
                     let mut row = vec![interior.to_string()];
-                    row.extend(cells.iter().map(|cell| format!("{} ({})", cell.mapped, cell.radius_sufficed)));
+                    row.extend(cells.iter().map(|cell| format!("{} ({})", cell.errors.len(), cell.radius_sufficed)));
                     shares.push(row);
                 }
             }
             writeln!(out, "\n{}\n", text::caption(degree, noise))?;
-            let ratios = ["BIDGCN / LPSP", "BIDGCN and 2 joint steps", "/ LPSP", "LPSP and 2 joint steps", "/ LPSP"];
+            let ratios = [
+                "BIDGCN / LPSP",
+                "averaged / LPSP",
+                "BIDGCN and 2 joint steps",
+                "/ LPSP",
+                "LPSP and 2 joint steps",
+                "/ LPSP",
+            ];
             let header = [&["points inside"][..], &names, &ratios].concat();
             out += &table(&header, &rows);
         }
     }
+    out += text::BEFORE_MEDIANS;
+    let of_network = |name: &'static str| [name, "/ LPSP", "below LPSP"];
+    let header = [&["points inside", "LPSP"][..], &of_network("BIDGCN"), &of_network("BIDGCN, averaged")].concat();
+    out += &table(&header, &medians);
     out += text::BEFORE_TIMES;
     out += &table(&[&["points inside"][..], &names, &["2 joint steps"]].concat(), &times);
     writeln!(out, "{}", text::before_shares(clouds))?;
@@ -115,7 +152,9 @@ pub(super) fn tables(networks: &Networks, clouds: u64, tell: &mut dyn FnMut(&str
 /// The network in a few steps: as shipped, as published, and without its boundary layer.
 pub(super) fn trained(shipped: &Bidgcn, steps: u64, clouds: u64, tell: &mut dyn FnMut(&str)) -> Result<String> {
     let train = |variant, frame| -> Result<Bidgcn> {
-        let mut trainer = Trainer::new(TrainOptions { variant, frame, steps, rate: RATE, seed: TRAIN_SEED });
+        let neighbours = Neighbours::WithinRadius;
+        let options = TrainOptions { variant, frame, neighbours, steps, rate: RATE, seed: TRAIN_SEED };
+        let mut trainer = Trainer::new(options);
         while trainer.step_count() < steps {
             trainer.step()?;
         }
@@ -140,7 +179,7 @@ pub(super) fn trained(shipped: &Bidgcn, steps: u64, clouds: u64, tell: &mut dyn 
             let cells = cells(spec, &methods, &[], clouds)?;
             let noisy = if noise > 0.0 { ", noise 1e-2" } else { "" };
             let mut row = vec![format!("{interior}{noisy}")];
-            row.extend(cells.iter().map(|cell| figure(cell.mean(cell.mse))));
+            row.extend(cells.iter().map(|cell| figure(cell.mse())));
             rows.push(row);
         }
     }
