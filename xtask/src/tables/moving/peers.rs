@@ -9,6 +9,7 @@ use reconstruct::{FitOptions, Tolerance, fit_file};
 
 use super::super::markdown::{figure, table};
 use super::super::qi::Clock;
+use super::noise::by_map;
 use super::run::{Cloud, Run, Settings};
 
 /// A fit that G+Smo was measured on.
@@ -98,11 +99,12 @@ pub(super) fn against_gismo(data: &Path, log: &mut dyn FnMut(&str)) -> Result<St
             }
         }
         let best = Settings { guard: true, ..Settings::published([case.elements; 2], case.tolerance) };
-        for (name, steps) in [
-            ("joint", JointOptions::default()),
-            ("joint, 20 steps", JointOptions { max_steps: 20, ..JointOptions::default() }),
+        for (name, method) in [
+            ("joint", Method::Joint(JointOptions::default())),
+            ("joint, 20 steps", Method::Joint(JointOptions { max_steps: 20, ..JointOptions::default() })),
+            ("map, 10 × 10", by_map(10)),
         ] {
-            let run = Run::of(name, &cloud, Some(Method::Joint(steps)), &best)?;
+            let run = Run::of(name, &cloud, Some(method), &best)?;
             rows.push(row(case.name, Boundary::Kept, &run, None));
         }
     }

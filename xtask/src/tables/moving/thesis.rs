@@ -6,6 +6,7 @@ use anyhow::Result;
 use moving_param::{Blend, Distance, JointOptions, Method, Schedule};
 
 use super::super::markdown::{figure, table};
+use super::noise::by_map;
 use super::run::{Cloud, Run, Settings, in_first_space};
 use crate::chart::{Chart, Series, svg};
 
@@ -117,6 +118,7 @@ impl Study {
                 ("J-PDM (b)", Some(Method::JointLbfgs(Schedule::B))),
                 ("joint", Some(Method::Joint(JointOptions::default()))),
                 ("joint, 40 steps", Some(Method::Joint(PATIENT))),
+                ("map, 10 × 10", Some(by_map(10))),
             ],
         )?;
         // A mesh of one element, as many iterations as the text's curves have points.
@@ -133,6 +135,7 @@ impl Study {
                 ),
                 ("joint", Some(Method::Joint(JointOptions::default()))),
                 ("joint, 40 steps", Some(Method::Joint(PATIENT))),
+                ("map, 10 × 10", Some(by_map(10))),
             ],
         )?;
         Ok(Self { weights, choices, alternating: alternating_runs, hull, nefertiti })
