@@ -2,20 +2,29 @@
 
 use std::fmt::Write as _;
 
-/// Size of one chart.
-const SIZE: [f64; 2] = [560.0, 420.0];
+/// Size of one chart without its legend.
+const SIZE: [f64; 2] = [575.0, 420.0];
 
 /// Room around the plot: left, right, top, bottom.
-const MARGIN: [f64; 4] = [70.0, 15.0, 34.0, 48.0];
+const MARGIN: [f64; 4] = [70.0, 30.0, 34.0, 48.0];
 
 /// Told apart on white by most readers; further series begin anew.
-const COLOURS: [&str; 8] = ["#1b6ca8", "#d1495b", "#2e933c", "#8d5a97", "#c98a00", "#333333", "#00a1a1", "#9b6b43"];
+const COLOURS: [&str; 12] = [
+    "#1b6ca8", "#d1495b", "#2e933c", "#8d5a97", "#c98a00", "#333333", "#00a1a1", "#9b6b43", "#e377c2", "#7f7f7f",
+    "#8fb339", "#4b3fd1",
+];
 
 /// Decades below which an axis gets ticks between powers of ten.
 const FEW_DECADES: f64 = 1.6;
 
 /// Height of a line of the legend.
 const LINE: f64 = 16.0;
+
+/// Between a plot and its legend.
+const GAP: f64 = 12.0;
+
+/// Width of the line in the legend and of the room around it.
+const SAMPLE: f64 = 40.0;
 
 /// Width of a letter of the legend, about.
 const LETTER: f64 = 6.6;
@@ -150,50 +159,52 @@ impl Chart {
                 places.join(" ")
             );
         }
-        self.legend(last, top, out);
     }
 
-    /// Names at the upper right, where falling errors leave room.
-    fn legend(&self, right: f64, top: f64, out: &mut String) {
-        let named: Vec<&Series> = self.series.iter().filter(|s| !s.name.is_empty()).collect();
-        let letters = named.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
-        let left = right - 44.0 - LETTER * letters as f64;
-        let _ = writeln!(
-            out,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"white\" fill-opacity=\"0.8\"/>",
-            left - 4.0,
-            top + 2.0,
-            right - left,
-            LINE * named.len() as f64 + 4.0
-        );
-        for (line, series) in named.into_iter().enumerate() {
-            let at = top + LINE * (line as f64 + 1.0);
-            let dash = if series.dashed { " stroke-dasharray=\"6 4\"" } else { "" };
-            let colour = COLOURS[series.colour % COLOURS.len()];
+    /// Names and the looks of their lines.
+    fn named(&self) -> Vec<(&str, usize, bool)> {
+        let named = self.series.iter().filter(|s| !s.name.is_empty());
+        named.map(|s| (&*s.name, s.colour, s.dashed)).collect()
+    }
+
+    /// The names beside the plot; the width they need.
+    fn legend(&self, left: f64, out: &mut String) -> f64 {
+        let named = self.named();
+        for (line, &(name, colour, dashed)) in named.iter().enumerate() {
+            let at = MARGIN[2] + LINE * (line as f64 + 1.0);
+            let dash = if dashed { " stroke-dasharray=\"6 4\"" } else { "" };
+            let colour = COLOURS[colour % COLOURS.len()];
+            // Writing to a string cannot fail.
             let _ = writeln!(
                 out,
                 "<path d=\"M{left:.1} {:.1}h26\" stroke=\"{colour}\" stroke-width=\"1.6\"{dash}/><text x=\"{:.1}\" \
                  y=\"{at:.1}\">{}</text>",
                 at - 4.0,
                 left + 32.0,
-                escaped(&series.name)
+                escaped(name)
             );
         }
+        let letters = named.iter().map(|(name, ..)| name.chars().count()).max().unwrap_or(0);
+        SAMPLE + LETTER * letters as f64
     }
 }
 
-/// Charts side by side, as one picture.
+/// Charts side by side, as one picture. Neighbours with the same legend share it.
 pub fn svg(charts: &[Chart]) -> String {
-    let width = SIZE[0] * charts.len() as f64;
-    let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {}\" font-family=\"sans-serif\" \
-         font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-        SIZE[1]
-    );
+    let mut inner = String::new();
+    let mut width = 0.0;
     for (number, chart) in charts.iter().enumerate() {
-        chart.draw(SIZE[0] * number as f64, &mut out);
+        chart.draw(width, &mut inner);
+        width += SIZE[0];
+        if charts.get(number + 1).is_none_or(|next| next.named() != chart.named()) {
+            width += chart.legend(width - MARGIN[1] + GAP, &mut inner);
+        }
     }
-    out + "</svg>\n"
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n{inner}</svg>\n",
+        SIZE[1]
+    )
 }
 
 /// Text without characters that mean something in XML.
@@ -237,7 +248,7 @@ mod tests {
     #[test]
     fn charts_stand_side_by_side() {
         let picture = svg(&[falling(), Chart { linear_x: true, ..falling() }]);
-        assert!(picture.contains("viewBox=\"0 0 1120 420\""));
-        assert!(picture.contains("points=\"630.0,34.0 1105.0,203.0\""), "{picture}");
+        assert!(picture.contains("points=\"645.0,34.0 1120.0,203.0\""), "{picture}");
+        assert_eq!(picture.matches("a &lt; b").count(), 1, "one legend: {picture}");
     }
 }

@@ -1,5 +1,6 @@
 //! Foot points: against brute force, and Newton's method against methods of first order (the role of Table 5.1).
 
+use std::cell::Cell;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -43,6 +44,9 @@ const LAST_STEP: f64 = 1e-12;
 /// Distances are equal up to this share of the diagonal.
 const EQUAL: f64 = 1e-9;
 
+/// Samples per direction among whose pairs the reach is sought.
+const REACHED: usize = 100;
+
 /// Share of the reach within which queries lie.
 const WITHIN_REACH: f64 = 0.9;
 
@@ -58,20 +62,20 @@ impl Surface {
     /// A height field with waves of random heights.
     fn waves() -> Result<Self> {
         let mut random = param_nn::stream(SEED, 0);
-        Self::new("waves", f64::INFINITY, |u, v| [u, v, 0.12 * (random.random::<f64>() - 0.5)])
+        Self::new("waves", |u, v| [u, v, 0.12 * (random.random::<f64>() - 0.5)])
     }
 
     /// A sheet rolled up by one and a half turns, whose layers come near each other.
     fn roll() -> Result<Self> {
-        let gap = 0.15;
-        Self::new("roll", 0.5 * gap, |u, v| {
+        let gap = 0.15; // of the control points' layers
+        Self::new("roll", |u, v| {
             let (angle, radius) = (1.5 * std::f64::consts::TAU * u, 0.3 + 1.5 * gap * u);
             [radius * angle.cos(), radius * angle.sin(), 0.8 * v]
         })
     }
 
-    /// The bicubic surface with control points over the Greville sites; its reach is at most `gap`.
-    fn new(name: &'static str, gap: f64, mut control_point: impl FnMut(f64, f64) -> [f64; 3]) -> Result<Self> {
+    /// The bicubic surface with control points over the Greville sites.
+    fn new(name: &'static str, mut control_point: impl FnMut(f64, f64) -> [f64; 3]) -> Result<Self> {
         let knots = KnotVector::uniform(3, ELEMENTS)?;
         let sites = knots.greville();
         let coarse = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots])?);
@@ -86,7 +90,7 @@ impl Surface {
         let coefficients = thb_core::transfer(&map, &space)?;
         let map = SplineMap::new(space, coefficients)?;
         let box_of = point_cloud::BoundingBox::of(map.coefficients())?;
-        let reach = least_radius(&map)?.min(gap);
+        let reach = reach(&map)?;
         Ok(Self { name, map, diagonal: box_of.diagonal(), reach })
     }
 
@@ -107,25 +111,26 @@ impl Surface {
     }
 }
 
-/// Smallest radius of curvature at samples of a surface.
-fn least_radius(map: &SplineMap<2>) -> Result<f64> {
-    let side = 200;
-    let u = Array2::from_shape_fn((side * side, 2), |(i, d)| ([i % side, i / side][d] as f64 + 0.5) / side as f64);
-    let derivative = |order| map.derivative_batch(u.view(), order);
-    let (a, b) = (derivative([1, 0])?, derivative([0, 1])?);
-    let (aa, ab, bb) = (derivative([2, 0])?, derivative([1, 1])?, derivative([0, 2])?);
-    let mut radius = f64::INFINITY;
-    for i in 0..side * side {
-        let (s, t) = (row(&a, i), row(&b, i));
-        let normal = unit(cross(&s, &t));
-        let (e, f, g) = (dot(&s, &s), dot(&s, &t), dot(&t, &t));
-        let [l, m, n] = [&aa, &ab, &bb].map(|x| dot(&row(x, i), &normal));
-        let area = e * g - f * f;
-        let (mean, gauss) = (0.5 * (l * g - 2.0 * m * f + n * e) / area, (l * n - m * m) / area);
-        let largest = mean.abs() + (mean * mean - gauss).max(0.0).sqrt();
-        radius = radius.min(largest.recip());
+/// The reach of a surface, over samples of its interior: the infimum of `|q − p|² / (2 |n_p · (q − p)|)` over pairs of its points
+/// (Federer 1959, Theorem 4.18). It holds curvature (near pairs) and layers that come near each other (far ones).
+fn reach(map: &SplineMap<2>) -> Result<f64> {
+    let u = Array2::from_shape_fn((REACHED * REACHED, 2), |(i, d)| {
+        ([i % REACHED, i / REACHED][d] as f64 + 0.5) / REACHED as f64
+    });
+    let points = map.eval_batch(u.view())?;
+    let (along, across) = (map.derivative_batch(u.view(), [1, 0])?, map.derivative_batch(u.view(), [0, 1])?);
+    let points: Vec<[f64; 3]> = (0..u.nrows()).map(|i| row(&points, i)).collect();
+    let mut reach = f64::INFINITY;
+    for (i, p) in points.iter().enumerate() {
+        let normal = unit(cross(&row(&along, i), &row(&across, i)));
+        for q in &points {
+            let way = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
+            let height = dot(&normal, &way).abs();
+            // The point itself has none.
+            reach = if height > 0.0 { reach.min(0.5 * dot(&way, &way) / height) } else { reach };
+        }
     }
-    Ok(radius)
+    Ok(reach)
 }
 
 fn row(x: &Array2<f64>, i: usize) -> [f64; 3] {
@@ -304,6 +309,8 @@ fn against_brute_force(surface: &Surface, stream: u64) -> Result<Vec<Vec<String>
 struct HalfSquared<'a> {
     map: &'a SplineMap<2>,
     point: [f64; 3],
+    /// The least value so far: a line search that finds no step is an error, which would lose what was reached.
+    least: &'a Cell<f64>,
 }
 
 impl HalfSquared<'_> {
@@ -319,7 +326,9 @@ impl CostFunction for HalfSquared<'_> {
 
     fn cost(&self, u: &Self::Param) -> Result<f64, MinimizerError> {
         let r = self.residual([u[0].clamp(0.0, 1.0), u[1].clamp(0.0, 1.0)])?;
-        Ok(0.5 * dot(&r, &r))
+        let half = 0.5 * dot(&r, &r);
+        self.least.set(self.least.get().min(half));
+        Ok(half)
     }
 }
 
@@ -380,7 +389,7 @@ impl<'a, S: Solver<HalfSquared<'a>, Iterate>> Solver<HalfSquared<'a>, Iterate> f
     }
 }
 
-/// Foot points by a solver of argmin: distances, and mean steps. One that fails stays at its start.
+/// Foot points by a solver of argmin: distances, and mean steps, of those that end without an error.
 fn by_argmin<S>(
     map: &SplineMap<2>,
     start: &Array2<f64>,
@@ -394,19 +403,12 @@ where
     let mut steps = 0;
     for i in 0..start.nrows() {
         let u = vec![start[[i, 0]], start[[i, 1]]];
-        let problem = HalfSquared { map, point: row(points, i) };
-        let at_start = problem.cost(&u).map_err(|error| anyhow::anyhow!("{error}"))?;
+        let least = Cell::new(f64::INFINITY);
+        let problem = HalfSquared { map, point: row(points, i), least: &least };
         let configured = |state: Iterate| state.param(u).max_iters(MOST_STEPS).target_cost(0.0);
         let result = Executor::new(problem, solver()?).configure(configured).timer(false).ctrlc(false).run();
-        let half = match &result {
-            Ok(result) => {
-                steps += result.state.get_iter();
-                result.state.get_best_cost().min(at_start)
-            }
-            // The line search found no step: where it started from is as good as it gets, as far as it can tell.
-            Err(_) => at_start,
-        };
-        distances.push((2.0 * half).sqrt());
+        steps += result.map_or(0, |result| result.state.get_iter());
+        distances.push((2.0 * least.get()).sqrt());
     }
     Ok((distances, steps as f64 / start.nrows() as f64))
 }
@@ -494,7 +496,7 @@ const INTRODUCTION: &str = "
 
 Two bicubic surfaces of 8 × 8 elements, one of them refined: *waves*, a height field over the square with random heights, and *roll*, a
 sheet rolled up by one and a half turns. Queries stand over random places of the surface along its normal, on both sides, up to nine
-tenths of the reach: the smallest radius of curvature, for the roll also half the gap between its layers. Truth is brute force: all of
+tenths of its reach (found among pairs of samples): up to there they have one foot point. Truth is brute force: all of
 24 × 24 samples in each cell, then a search without derivatives over shrinking neighbourhoods, from the best sample of each cell that
 could hold a nearer point. *As near*: not farther than that by more than 1e-9 of the diagonal; *too far at most* is in diagonals.
 

@@ -21,10 +21,10 @@ const SIDE: usize = 60;
 const NOISE: [f64; 3] = [0.0, 1e-3, 1e-2];
 
 /// Elements of the planted surface, and of the one that is fitted: it could follow far more than is there.
-const ELEMENTS: [usize; 2] = [5, 12];
+const ELEMENTS: [usize; 2] = [8, 16];
 
-/// How far the map that spoils the parameters moves its control points at most.
-const WARP: f64 = 0.12;
+/// How far the map that spoils the parameters moves its control points across, at most.
+const WARP: f64 = 0.16;
 
 /// Tolerance where there is no noise, as a share of the diagonal.
 const EXACT: f64 = 1e-5;
@@ -146,9 +146,9 @@ pub(super) fn section(log: &mut dyn FnMut(&str)) -> Result<String> {
 const TEXT: &str = "
 ## One smooth map instead of parameters point by point
 
-A planted biquadratic surface of 5 × 5 elements, 60 × 60 points; methods start from parameters that a smooth map of the square has spoiled
-(bicubic, 6 × 6 control points moved by up to 0.06), so the exact ones are within reach of the maps. Normal noise on all three
-coordinates, its standard deviation in percent of the diagonal. One space for all, 12 × 12 biquadratic elements, λ = 1e-7, no refinement,
+A planted biquadratic surface of 8 × 8 elements, 60 × 60 points; methods start from parameters that a smooth map of the square has spoiled
+(bicubic, 6 × 6 control points moved by up to 0.08), so the exact ones are within reach of the maps. Normal noise on all three
+coordinates, its standard deviation in percent of the diagonal. One space for all, 16 × 16 biquadratic elements, λ = 1e-7, no refinement,
 no guard; steps or corrections end at a tolerance of one standard deviation, without noise of 1e-5 diagonals.
 *RMS to noisy points* is what a fit sees; *clean* are the distances of the points without noise to the surface, in diagonals: those are what
 matters. *As shipped* is what `thb fit --method joint` does.

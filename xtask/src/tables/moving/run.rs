@@ -7,7 +7,7 @@ use std::sync::Arc;
 use adaptive::{Deviation, Iteration, Outcome, Solve, run};
 use anyhow::{Context, Result};
 use fit_ls::{Lambda, LeastSquares, creases};
-use moving_param::{Boundary, FootPointOptions, Method, MovingFit, Options};
+use moving_param::{Boundary, FootPointOptions, Method, MovingFit, Options, project};
 use ndarray::Array2;
 use param_classic::triangulate_parameters;
 use point_cloud::LocalFrames;
@@ -162,9 +162,13 @@ where
     Ok((map, history, stop.name()))
 }
 
-/// The deviation in the first space after the corrections or steps that the method says.
+/// The deviation in the first space after the corrections or steps that the method says, at the foot points of the points: after a
+/// step of tangent distances parameters are no foot points, and distances at them hold errors along the surface.
 pub(super) fn in_first_space(cloud: &Cloud, method: Method, settings: &Settings) -> Result<Deviation> {
     let mut fit = moving(cloud, method, settings)?;
     let map = fit.solve(&settings.space()?, None)?.map;
-    Ok(Deviation::new(fit.estimate(&map)?.errors, settings.tolerance))
+    let parameters = fit.parameters();
+    let (_, distances, _) =
+        project(&map, parameters.view(), cloud.points.view(), settings.boundary, &settings.foot_points)?;
+    Ok(Deviation::new(&distances, settings.tolerance))
 }

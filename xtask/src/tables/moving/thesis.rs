@@ -264,7 +264,7 @@ const WEIGHTS: &str = "
 ## Weights of A-HDM on the hull (§5.1.3, 5.2.2 (f))
 
 `thesis/shiphull_cen.xml`: 3025 points in a grid, centripetal parameters. Degree 2, 5 × 2 elements, λ = 1e-7. Figure 5.2: mean squared
-error against the number of corrections in the first space, constant weights. Figure 5.3: A-PDM and the choices of weights.
+error, at the foot points, against the number of corrections in the first space, constant weights. Figure 5.3: A-PDM and the choices of weights.
 Figure 5.4: the same from chord-length parameters (`shiphull_chl.xml`).
 
 ![Figure 5.2](figures/5.2.svg)
