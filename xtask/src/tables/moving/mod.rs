@@ -1,5 +1,6 @@
 //! Moving parameters: the comparisons of Imperatore 2024, chapter 5, on its own clouds; G+Smo; foot points; noise.
 
+mod asked;
 mod foot_points;
 mod noise;
 mod peers;
@@ -9,6 +10,8 @@ mod thesis;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+
+use asked::Asked;
 
 /// A page and its figures.
 pub struct Page {
@@ -23,20 +26,22 @@ pub struct Page {
 /// # Errors
 /// What reading and fitting meet.
 pub fn page(data: Option<&Path>, log: &mut dyn FnMut(&str)) -> Result<Page> {
-    let mut page = Page { text: String::from(INTRODUCTION), figures: Vec::new() };
+    let mut asked = Asked::default();
+    let (mut text, mut figures) = (String::new(), Vec::new());
     if let Some(data) = data {
         let study = thesis::Study::run(data, log)?;
-        page.text += &study.text();
-        page.text += thesis::AFTER;
-        page.figures = study.figures();
-        page.text += &peers::against_gismo(data, log)?;
-        page.text += &peers::stand_ins(data, log)?;
+        text += &study.text();
+        text += thesis::AFTER;
+        study.ask(&mut asked);
+        figures = study.figures();
+        text += &peers::against_gismo(data, &mut asked, log)?;
+        text += &peers::stand_ins(data, &mut asked, log)?;
     } else {
-        page.text += "\nThe thesis's clouds, G+Smo's and the stand-ins are left out: `--data DIR` was not given.\n";
+        text += "\nThe thesis's clouds, G+Smo's and the stand-ins are left out: `--data DIR` was not given.\n";
     }
-    page.text += &foot_points::section(data, log)?;
-    page.text += &noise::section(log)?;
-    Ok(page)
+    text += &foot_points::section(data, &mut asked, log)?;
+    text += &noise::section(log)?;
+    Ok(Page { text: format!("{INTRODUCTION}{}{text}", asked.text()), figures })
 }
 
 /// The figures alone.

@@ -140,6 +140,10 @@ impl Run {
     pub(super) fn dofs(&self) -> usize {
         self.history.last().map_or(0, |last| last.dofs)
     }
+
+    pub(super) fn reached(&self) -> bool {
+        self.stop == adaptive::Stop::ToleranceReached.name()
+    }
 }
 
 /// The method for a cloud, whose surface is held between the points where the method asks for that.

@@ -6,6 +6,7 @@ use anyhow::Result;
 use moving_param::{Blend, Distance, JointOptions, Method, Schedule};
 
 use super::super::markdown::{figure, table};
+use super::asked::Asked;
 use super::noise::by_map;
 use super::run::{Cloud, Run, Settings, in_first_space};
 use crate::chart::{Chart, Series, svg};
@@ -159,6 +160,23 @@ impl Study {
             ("5.16.svg", pair(&self.hull, 1e-5)),
             ("5.18.svg", pair(&self.nefertiti, 2.5e-3)),
         ]
+    }
+
+    /// Compares with what is printed.
+    pub(super) fn ask(&self, asked: &mut Asked) {
+        let dofs = |run: &Run| if run.reached() { run.dofs() as f64 } else { f64::INFINITY };
+        let least = |runs: &[Run], name: &str, value: &dyn Fn(&Run) -> f64| {
+            runs.iter().filter(|run| run.name.starts_with(name)).map(value).fold(f64::INFINITY, f64::min)
+        };
+        let count = |x: f64| if x.is_finite() { format!("{x:.0}") } else { "not reached".into() };
+        for (name, bound) in [("A-PDM", 2560.0), ("J-PDM (b)", 400.0), ("joint", 360.0)] {
+            let what = format!("hull, ε = 1e-5, DOFs, {}", if name == "joint" { "ours" } else { name });
+            asked.at_most(&what, bound, least(&self.hull, name, &dofs), count);
+        }
+        for (name, bound) in [("A-PDM", 2.0e-2), ("A-HDM", 8.35e-3), ("J-PDM", 7.96e-3), ("joint", 7.96e-3)] {
+            let what = format!("Nefertiti, {MOST} DOFs, MAX, {}", if name == "joint" { "ours" } else { name });
+            asked.at_most(&what, bound, least(&self.nefertiti, name, &|run| run.deviation().max), figure);
+        }
     }
 
     /// The section of the page.
