@@ -70,6 +70,19 @@ const SHEET: (usize, f64, f64) = (3412, 5.5e-3, 6.9);
 /// CPU seconds that it may take here.
 const SHEET_SECONDS: f64 = 0.5;
 
+/// Settings of the joint method: more steps; without its penalty on folds; the stiffness of springs that the command line has.
+const STEPS: JointOptions = JointOptions {
+    max_steps: 20,
+    decrease: 3e-2,
+    polish: 2,
+    emphasis: 2,
+    stiffness: 0.0,
+    between: 0.0,
+    regularity: 100.0,
+};
+const MAY_FOLD: JointOptions = JointOptions { regularity: 0.0, ..STEPS };
+const STIFFNESS: f64 = 1e-4;
+
 /// Shares of G+Smo's best control points and of its time that ours should stay below.
 const FEWER: f64 = 0.75;
 const FASTER: f64 = 0.1;
@@ -88,7 +101,7 @@ const STAND_INS: [(&str, &str, f64); 4] = [
 /// The section against G+Smo.
 pub(super) fn against_gismo(data: &Path, asked: &mut Asked, log: &mut dyn FnMut(&str)) -> Result<String> {
     let mut text = String::from(GISMO);
-    let header = ["cloud", "method", "boundary", "DOFs", "G+Smo", "MAX", "CPU-s", "G+Smo", "stop"];
+    let header = ["cloud", "method", "boundary", "DOFs", "G+Smo", "MAX", "creases", "CPU-s", "G+Smo", "stop"];
     let mut rows = Vec::new();
     for case in &CASES {
         log(case.name);
@@ -113,22 +126,24 @@ pub(super) fn against_gismo(data: &Path, asked: &mut Asked, log: &mut dyn FnMut(
                 }
             }
         }
-        let mut ours = (f64::INFINITY, f64::INFINITY);
+        let mut ours = Reached::NOTHING;
         let best = Settings { guard: true, ..Settings::published([case.elements; 2], case.tolerance) };
         for (name, method) in [
             ("joint", Method::Joint(JointOptions::default())),
-            ("joint, 20 steps", Method::Joint(JointOptions { max_steps: 20, ..JointOptions::default() })),
+            ("joint, 20 steps", Method::Joint(STEPS)),
+            ("joint, 20 steps, may fold", Method::Joint(MAY_FOLD)),
+            ("joint, 20 steps, springs, may fold", Method::Joint(JointOptions { stiffness: STIFFNESS, ..MAY_FOLD })),
             ("map, 10 × 10", by_map(10)),
         ] {
             let run = Run::of(name, &cloud, Some(method), &best)?;
             rows.push(row(case.name, Boundary::Kept, &run, None));
-            if name.starts_with("joint") && reached_dofs(&run) < ours.0 {
-                ours = (reached_dofs(&run), run.seconds);
+            if name.starts_with("joint") && reached_dofs(&run) < ours.dofs {
+                ours = Reached { dofs: reached_dofs(&run), max: run.deviation().max, seconds: run.seconds };
             }
         }
         let (dofs, seconds) = case.peer[2];
-        asked.at_most(&format!("{}, DOFs, ours: a quarter fewer", case.name), FEWER * dofs as f64, ours.0, count);
-        asked.at_most(&format!("{}, CPU-s, ours: a tenth", case.name), FASTER * seconds, ours.1, |s| format!("{s:.2}"));
+        asked.at_most(&format!("{}, DOFs, ours: a quarter fewer", case.name), FEWER * dofs as f64, ours.dofs, count);
+        asked.at_most(&format!("{}, CPU-s, ours: a tenth", case.name), FASTER * seconds, ours.seconds, time);
     }
     text += &table(&header, &rows);
     log("sheet, degree 3");
@@ -136,7 +151,9 @@ pub(super) fn against_gismo(data: &Path, asked: &mut Asked, log: &mut dyn FnMut(
     // What must be undercut, as a tolerance.
     let settings = Settings { degree: 3, max_dofs: SHEET.0, ..Settings::published([2, 2], SHEET.1) };
     let (dofs, max, seconds) = SHEET;
-    let mut rows = vec![vec!["G+Smo, 3".into(), dofs.to_string(), figure(max), String::new(), seconds.to_string()]];
+    let mut ours = Reached::NOTHING;
+    let mut rows =
+        vec![vec!["G+Smo, 3".into(), dofs.to_string(), figure(max), String::new(), String::new(), seconds.to_string()]];
     for (name, method, guard) in [
         ("A-PDM, 3", Method::Alternating { distance: Distance::Point, corrections: 3 }, false),
         (
@@ -145,20 +162,39 @@ pub(super) fn against_gismo(data: &Path, asked: &mut Asked, log: &mut dyn FnMut(
             false,
         ),
         ("joint", Method::Joint(JointOptions::default()), true),
+        ("joint, 20 steps, springs, may fold", Method::Joint(JointOptions { stiffness: STIFFNESS, ..MAY_FOLD }), true),
     ] {
         let run = Run::of(name, &cloud, Some(method), &Settings { guard, ..settings.clone() })?;
         let deviation = run.deviation();
-        if name == "joint" {
-            asked.at_most("sheet, degree 3, MAX, ours", max, deviation.max, figure);
-            asked.at_most("sheet, degree 3, DOFs, ours", dofs as f64, run.dofs() as f64, count);
-            asked.at_most("sheet, degree 3, CPU-s, ours", SHEET_SECONDS, run.seconds, |s| format!("{s:.2}"));
+        if name.starts_with("joint") && deviation.max < ours.max {
+            ours = Reached { dofs: run.dofs() as f64, max: deviation.max, seconds: run.seconds };
         }
         let seconds = format!("{:.2}", run.seconds);
-        rows.push(vec![name.into(), run.dofs().to_string(), figure(deviation.max), figure(deviation.mse), seconds]);
+        let creases = format!("{:.4}", run.creases);
+        let dofs = run.dofs().to_string();
+        rows.push(vec![name.into(), dofs, figure(deviation.max), figure(deviation.mse), creases, seconds]);
     }
+    asked.at_most("sheet, degree 3, MAX, ours", max, ours.max, figure);
+    asked.at_most("sheet, degree 3, DOFs, ours", dofs as f64, ours.dofs, count);
+    asked.at_most("sheet, degree 3, CPU-s, ours", SHEET_SECONDS, ours.seconds, time);
     text += SHEET_TEXT;
-    text += &table(&["method", "DOFs", "MAX", "MSE", "CPU-s"], &rows);
+    text += &table(&["method", "DOFs", "MAX", "MSE", "creases", "CPU-s"], &rows);
     Ok(text)
+}
+
+/// What the best of ours reached.
+struct Reached {
+    dofs: f64,
+    max: f64,
+    seconds: f64,
+}
+
+impl Reached {
+    const NOTHING: Self = Self { dofs: f64::INFINITY, max: f64::INFINITY, seconds: f64::INFINITY };
+}
+
+fn time(seconds: f64) -> String {
+    if seconds.is_finite() { format!("{seconds:.2}") } else { "not reached".into() }
 }
 
 fn reached_dofs(run: &Run) -> f64 {
@@ -183,6 +219,7 @@ fn row(cloud: &str, boundary: Boundary, run: &Run, peer: Option<((usize, f64), b
         run.dofs().to_string(),
         dofs,
         figure(run.deviation().max),
+        format!("{:.4}", run.creases),
         seconds(run.seconds),
         time,
         run.stop.into(),
@@ -242,7 +279,8 @@ const GISMO: &str = "
 G+Smo of October 2024, measured by us on the same files: degree 2, λ = 1e-7, extension 2, 4 × 4 elements (8 × 8 for the sheet), so many
 corrections after each refinement with boundary points free to leave their side; CPU seconds summed over threads. Ours from the
 same start; all points must be within ε: hull 5e-5, face and Nefertiti 2e-3, sheet 1e-2. Parameters of the sheet are moved from its
-square to the unit square, where the same λ weighs a little differently. With boundary points kept, G+Smo's hull needed 991 DOFs with one
+square to the unit square, where the same λ weighs a little differently. *Springs* hold parameters as in `thb`, *may fold* is the joint method
+without its penalty on folds: look at the creases. With boundary points kept, G+Smo's hull needed 991 DOFs with one
 correction, and its Nefertiti ended at 4212 with MAX 7.5e-3, not reached.
 
 ";
