@@ -14,6 +14,9 @@ use xtask::generate::{fixtures, gridded, scattered};
 use xtask::train::{Run, Training};
 use xtask::{tables, tidy, workspace_root};
 
+/// Where figures go, below the root.
+const FIGURES: &str = "docs/results/figures";
+
 /// Chores of the repository.
 #[derive(Parser)]
 #[command(bin_name = "cargo xtask")]
@@ -26,6 +29,16 @@ enum Arguments {
     /// Compute published tables anew and write them to docs/results.
     #[command(subcommand)]
     Tables(Tables),
+    /// Draw the figures of Imperatore 2024, chapter 5, anew, from the clouds they were made with. Times do not matter; one
+    /// thread, RAYON_NUM_THREADS=1, is enough.
+    Figures {
+        /// A folder with the public clouds of the authors in `thesis/`; without it nothing is drawn.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The folder to write to, docs/results/figures by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Train a network.
     #[command(subcommand)]
     Train(Train),
@@ -290,6 +303,17 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Moving parameters (Imperatore 2024, chapter 5): its methods on its clouds, with their figures; G+Smo; foot points;
+    /// noise. Times are meant for one thread: RAYON_NUM_THREADS=1.
+    Moving {
+        /// A folder with the public clouds of the authors in `thesis/`, `deepdrawingC.xml` and the stand-ins; without it
+        /// only generated surfaces are used.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The file to write, docs/results/moving.md by default; figures go to the folder `figures` beside it.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tables 3.1 and 3.2: curves whose weights follow their markers; fits of measured curves.
     Curves {
         /// A folder with measured curves, such as `titanium_heat.csv`; without it only generated ones are fitted.
@@ -363,6 +387,13 @@ fn main() -> Result<()> {
             arguments.message_passing(Variant::Dgcnn).train(|line| println!("{line}"))?;
         }
         Arguments::Train(Train::Pargcn(arguments)) => arguments.pargcn().train(|line| println!("{line}"))?,
+        Arguments::Figures { data: None, .. } => println!("skipped: the figures need --data DIR"),
+        Arguments::Figures { data: Some(data), out } => {
+            let figures = tables::moving::figures(&data, &mut |line| println!("{line}"))?;
+            let out = out.unwrap_or_else(|| root.join(FIGURES));
+            let paths = tables::moving::write_figures(&figures, &out)?;
+            paths.iter().for_each(|path| println!("{}", path.display()));
+        }
         Arguments::Tables(tables) => {
             let (page, out, missing, text) = match tables {
                 Tables::Parcnn { data, train, out } => {
@@ -384,6 +415,14 @@ fn main() -> Result<()> {
                     let missing =
                         data.is_none().then_some("tables of measured clouds need --data DIR and were left out");
                     ("qi", out, missing, tables::qi::document(data.as_deref())?)
+                }
+                Tables::Moving { data, out } => {
+                    let missing = data.is_none().then_some("tables of public clouds need --data DIR and were left out");
+                    let page = tables::moving::page(data.as_deref(), &mut |line| println!("{line}"))?;
+                    let beside = out.as_ref().map(|out| out.with_file_name("figures"));
+                    let folder = beside.unwrap_or_else(|| root.join(FIGURES));
+                    tables::moving::write_figures(&page.figures, &folder)?;
+                    ("moving", out, missing, page.text)
                 }
                 Tables::Curves { data, out } => {
                     let missing =

@@ -9,7 +9,7 @@
 //! `splits` and `local` (constant, points or area: how the smoothing weight is scaled).
 //! Methods: `fixed`, `qi`, `a-qi:k`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ),
 //! `joint:steps:decrease:polish:emphasis:stiffness`,
-//! `j-pdm:a`, `j-pdm:b`, `j-pdm:η:K`.
+//! `j-pdm:a`, `j-pdm:b`, `j-pdm:η:K`, `map:n:steps:decrease:barrier` (n × n control points).
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -22,6 +22,7 @@ use fit_ls::{Lambda, LeastSquares};
 use fit_qi::{LocalLambda, QuasiInterpolation};
 use moving_param::{
     Blend, Boundary, Distance, JointOptions, Method, MovingFit, MovingQuasi, Options, QuasiOptions, Schedule,
+    SquareMapOptions,
 };
 use ndarray::{Array2, Axis};
 use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
@@ -159,6 +160,15 @@ fn parse(name: &str) -> Result<Method, Failure> {
                 stiffness: number(4, default.stiffness)?,
                 between: number(5, default.between)?,
                 regularity: number(6, default.regularity)?,
+            })
+        }
+        "map" => {
+            let default = SquareMapOptions::default();
+            Method::SquareMap(SquareMapOptions {
+                per_side: number(0, default.per_side as f64)? as usize,
+                max_steps: number(1, default.max_steps as f64)? as usize,
+                decrease: number(2, default.decrease)?,
+                barrier: number(3, default.barrier)?,
             })
         }
         "j-pdm" => Method::JointLbfgs(match parts[..] {

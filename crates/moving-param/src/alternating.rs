@@ -33,6 +33,10 @@ impl<const D: usize> MovingFit<D> {
                 Distance::Hybrid(blend) => self.tangent_step(&map, Some(blend), 0.0)?,
             };
         }
+        if corrections > 0 && *distance != Distance::Point {
+            // Steps of tangent distances leave errors along the surface, which no refinement should follow.
+            self.correct(&map, moves)?;
+        }
         Ok(map)
     }
 

@@ -7,7 +7,7 @@ use crate::patch::{Jet, Vector, difference, dot};
 pub enum Descent {
     /// Newton's method with the exact Hessian, damped where it does not descend.
     Newton,
-    /// Steepest descent with halved steps, until the step in the parameters falls below `min_step`.
+    /// Steepest descent with halved steps, until a step in the parameters is shorter than `min_step`.
     Gradient {
         /// Smallest step, in parameters.
         min_step: f64,
@@ -77,6 +77,9 @@ pub(crate) enum DescentState<const D: usize> {
     },
 }
 
+/// A step of Newton's method below this share of the cell is the last one: what it leaves is of the order of its square.
+const LAST_STEP: f64 = 1e-6;
+
 /// First damping of a Newton step that did not descend, as a share of the metric; then it grows by `DAMPING_FACTOR`.
 const FIRST_DAMPING: f64 = 0.1;
 
@@ -119,6 +122,18 @@ impl<const D: usize> DescentState<D> {
                 let step = std::array::from_fn(|a| if free[a] { -product(a) * *length } else { 0.0 });
                 let descends = (0..D).map(|d| step[d] * local.gradient[d]).sum::<f64>() < 0.0;
                 descends.then_some(step)
+            }
+        }
+    }
+
+    /// Whether no step after one along a way would pay, which is `moved` cells long.
+    #[inline(always)]
+    pub(crate) fn is_last(&self, way: &[f64; D], moved: f64) -> bool {
+        match self {
+            Self::Newton { .. } => moved < LAST_STEP,
+            // What these leave may be far longer than their steps: that is why the smallest step matters so much.
+            Self::Gradient { min_step, .. } | Self::QuasiNewton { min_step, .. } => {
+                way.iter().map(|w| w * w).sum::<f64>() < min_step * min_step
             }
         }
     }

@@ -78,9 +78,6 @@ pub struct FootPointReport {
 /// Points of one parallel task.
 const CHUNK: usize = 512;
 
-/// A step below this share of the cell is the last one: what Newton's method leaves is of the order of its square.
-const LAST_STEP: f64 = 1e-6;
-
 /// Steps below this share of the cell are round-off and not taken.
 const NO_STEP: f64 = 1e-13;
 
@@ -383,13 +380,15 @@ impl<'a, const D: usize> Search<'a, D> {
             let next = self.local(patch, target, candidate);
             if next.squared < local.squared {
                 (u, local) = (candidate, next);
-                state.accepted(way);
-                if moved < LAST_STEP {
+                if state.is_last(&way, moved) {
                     break;
                 }
+                state.accepted(way);
             } else {
                 self.enter(patch, home);
-                if moved < LAST_STEP || !state.rejected(moved * size.iter().copied().fold(f64::INFINITY, f64::min)) {
+                if state.is_last(&way, moved)
+                    || !state.rejected(moved * size.iter().copied().fold(f64::INFINITY, f64::min))
+                {
                     break;
                 }
             }

@@ -17,6 +17,8 @@
 //! - [`MovingQuasi`] (A-QI): quasi-interpolation instead of least squares, for points that are uneven or have voids, and
 //!   where no global system should be solved.
 //! - [`Method::JointLbfgs`] (J-PDM): no linear systems and little memory, but hundreds of iterations.
+//! - [`Method::SquareMap`]: all parameters moved by one smooth map with few control points, for comparison: it cannot
+//!   follow noise, nor much detail of the parameterization.
 //!
 //! The guard ([`Options::guard`]) undoes corrections wherever fixed parameters would meet the tolerance at more points. The
 //! barrier ([`MovingFit::with_triangles`]) forbids moves that fold a triangulation of the parameters; it costs functions.
@@ -56,6 +58,7 @@ mod error;
 mod fold;
 mod foot_point;
 mod frame;
+mod jacobian;
 mod joint;
 mod lbfgs;
 mod moving;
@@ -64,6 +67,7 @@ mod patch;
 mod quasi;
 mod regularity;
 mod samples;
+mod square_map;
 mod system;
 
 pub use constraint::{Boundary, Constraints};
@@ -71,5 +75,5 @@ pub use descent::Descent;
 pub use error::Error;
 pub use foot_point::{FootPointOptions, FootPointReport, FootPoints, Start, foot_points, project};
 pub use moving::{Moves, MovingFit};
-pub use options::{Blend, Distance, JointOptions, Method, Options, Schedule};
+pub use options::{Blend, Distance, JointOptions, Method, Options, Schedule, SquareMapOptions};
 pub use quasi::{MovingQuasi, QuasiOptions};

@@ -12,6 +12,7 @@ use crate::anchor::Anchor;
 use crate::constraint::Constraints;
 use crate::fold::Triangles;
 use crate::foot_point::{FootPoints, foot_points};
+use crate::square_map::SquareMap;
 use crate::system::StepSystem;
 use crate::{Boundary, Error, FootPointReport, Method, Options};
 
@@ -54,6 +55,8 @@ pub struct MovingFit<const D: usize> {
     /// Triangles whose centres hold the surface, by indices of points.
     pub(crate) centres: Vec<[u32; 3]>,
     pub(crate) anchor: Option<Anchor<D>>,
+    /// The map that moves all parameters, where one does.
+    pub(crate) square: Option<SquareMap<D>>,
     pub(crate) system: Option<(Arc<HierarchicalSpace<D>>, StepSystem)>,
     /// Weights of the caller, in the order of the points.
     pub(crate) weights: Option<Vec<f64>>,
@@ -85,6 +88,7 @@ impl<const D: usize> MovingFit<D> {
             triangles: None,
             centres: Vec::new(),
             anchor: None,
+            square: None,
             system: None,
             weights: weights.map(|w| w.to_vec()),
             start: parameters.to_owned(),
@@ -231,6 +235,7 @@ impl<const D: usize> MovingFit<D> {
             Method::Alternating { distance, corrections } => self.alternate(map, &distance, corrections, moves),
             Method::Joint(joint) => self.joint(map, previous, &joint, moves),
             Method::JointLbfgs(schedule) => self.joint_lbfgs(map, previous, schedule, moves),
+            Method::SquareMap(square) => self.move_by_map(map, &square, moves),
         }
     }
 }

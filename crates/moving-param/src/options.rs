@@ -45,6 +45,9 @@ pub enum Method {
     Joint(JointOptions),
     /// J-PDM: coefficients and parameters together, by L-BFGS (Imperatore 2024, §5.3).
     JointLbfgs(Schedule),
+    /// Coefficients, and one smooth map of the parameter domain that moves all parameters: to be compared with, where
+    /// parameters that move one by one would follow noise. Sides are kept, whatever [`Options::boundary`] says, and so are seams.
+    SquareMap(SquareMapOptions),
 }
 
 /// The distance that the coefficients minimize while the parameters rest.
@@ -103,6 +106,30 @@ impl Default for JointOptions {
         Self { max_steps: 10, decrease: 3e-2, polish: 2, emphasis: 2, stiffness: 0.0, between: 0.0, regularity: 100.0 }
     }
 }
+
+/// Settings of the method whose parameters are moved by one map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SquareMapOptions {
+    /// Control points of the map in each direction, 3 or more; its degree is 3, or 2 where there are only 3 of them.
+    pub per_side: usize,
+    /// Largest number of steps after each refinement.
+    pub max_steps: usize,
+    /// Steps end where one lowers the objective by less than this share.
+    pub decrease: f64,
+    /// Weight of the barrier `J − 1 − ln J` on the Jacobian determinant J of the map, as a share of what it would cost if all
+    /// points were a tolerance away. 0 for none; steps to where J is not positive are refused in any case.
+    pub barrier: f64,
+}
+
+impl Default for SquareMapOptions {
+    /// 8 × 8 control points.
+    fn default() -> Self {
+        Self { per_side: 8, max_steps: 20, decrease: 1e-3, barrier: 1e-2 }
+    }
+}
+
+/// Most control points of a map per direction: its equations are dense.
+const MAX_PER_SIDE: usize = 32;
 
 /// When L-BFGS stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -172,6 +199,12 @@ impl Options {
                 normal()?;
                 number("decrease", joint.decrease, joint.decrease >= 0.0, "at least 0")?;
                 number("stiffness", joint.stiffness, joint.stiffness >= 0.0, "at least 0")
+            }
+            Method::SquareMap(square) => {
+                number("barrier", square.barrier, square.barrier >= 0.0, "at least 0")?;
+                number("decrease", square.decrease, square.decrease >= 0.0, "at least 0")?;
+                let per_side = square.per_side;
+                number("control points per side", per_side as f64, (3..=MAX_PER_SIDE).contains(&per_side), "3 to 32")
             }
             Method::JointLbfgs(schedule) => {
                 let (gradient, _) = schedule.limits(1);

@@ -133,3 +133,63 @@ fn distances_never_grow_and_sides_are_kept() {
     }
     assert!(report.accepted > 0.7 && report.accepted <= 0.75, "{report:?}");
 }
+
+/// The smallest distance of a point to a map: all of `side` × `side` samples of the domain, then a search without derivatives
+/// over shrinking neighbourhoods from each sample that no neighbour undercuts and that could lead to a nearer point.
+fn brute_force(map: &SplineMap<2>, samples: &[[f64; 3]], side: usize, spacing: f64, point: &[f64]) -> f64 {
+    let distance = |x: &[f64]| (0..3).map(|k| (x[k] - point[k]).powi(2)).sum::<f64>().sqrt();
+    let all: Vec<f64> = samples.iter().map(|x| distance(x)).collect();
+    let least = all.iter().copied().fold(f64::INFINITY, f64::min);
+    let mut best = least;
+    for at in (0..all.len()).filter(|&at| all[at] <= least + spacing) {
+        let around = |k: usize| k.saturating_sub(1)..(k + 2).min(side);
+        let (i, j) = (at % side, at / side);
+        if around(j).any(|b| around(i).any(|a| all[a + side * b] < all[at])) {
+            continue;
+        }
+        let mut u = [i, j].map(|k| k as f64 / (side - 1) as f64);
+        let (mut nearest, mut step) = (all[at], 0.5 / side as f64);
+        while step > 1e-12 {
+            let mut moved = false;
+            for direction in (0..9).filter(|k| *k != 4) {
+                let trial = [0, 1].map(|d| {
+                    let way = [direction % 3, direction / 3][d] as f64 - 1.0;
+                    (u[d] + step * way).clamp(0.0, 1.0)
+                });
+                let value = distance(&map.eval(trial).unwrap());
+                if value < nearest {
+                    (u, nearest, moved) = (trial, value, true);
+                }
+            }
+            step = if moved { step } else { 0.5 * step };
+        }
+        best = best.min(nearest);
+    }
+    best
+}
+
+#[test]
+fn brute_force_finds_nothing_nearer() {
+    const QUERIES: usize = 300;
+    const SIDE: usize = 101;
+    let map = map::<2>(3, 3, 0.4, 31);
+    let lattice = Array2::from_shape_fn((SIDE * SIDE, 2), |(i, d)| [i % SIDE, i / SIDE][d] as f64 / (SIDE - 1) as f64);
+    let samples: Vec<[f64; 3]> =
+        map.eval_batch(lattice.view()).unwrap().outer_iter().map(|x| [x[0], x[1], x[2]]).collect();
+    let apart = |a: usize, b: usize| (0..3).map(|k| (samples[a][k] - samples[b][k]).powi(2)).sum::<f64>().sqrt();
+    let spacing = (0..SIDE * SIDE - SIDE - 1).filter(|at| at % SIDE + 1 < SIDE).map(|at| apart(at, at + SIDE + 1));
+    let spacing = spacing.fold(0.0, f64::max);
+    let exact = parameters::<2>(QUERIES, 37);
+    let mut random = Random(41);
+    let points = map.eval_batch(exact.view()).unwrap().mapv(|x| x + 0.06 * (random.next() - 0.5));
+    let warm = exact.mapv(|u| (u + 0.05 * (random.next() - 0.5)).clamp(0.0, 1.0));
+    let truth: Vec<f64> =
+        points.outer_iter().map(|p| brute_force(&map, &samples, SIDE, spacing, &p.to_vec())).collect();
+    // A diagonal is about 1.5 long.
+    for (start, least) in [(Start::Global, QUERIES), (Start::Both(4), QUERIES), (Start::Present, QUERIES - 1)] {
+        let options = FootPointOptions { start, ..FootPointOptions::default() };
+        let (_, distances, _) = project::<2>(&map, warm.view(), points.view(), Boundary::Free, &options).unwrap();
+        let as_near = distances.iter().zip(&truth).filter(|(d, t)| **d <= *t + 1e-9).count();
+        assert!(as_near >= least, "{start:?}: {as_near} of {QUERIES}");
+    }
+}

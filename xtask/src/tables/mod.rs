@@ -7,6 +7,7 @@ mod crossings;
 pub mod curves;
 mod mapped;
 mod markdown;
+pub mod moving;
 pub mod parcnn;
 pub mod pargcn;
 pub mod qi;

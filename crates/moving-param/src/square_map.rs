@@ -1,0 +1,423 @@
+//! Parameters moved together, by one smooth map of the parameter domain to itself.
+//!
+//! Point by point, parameters can follow noise: a cloud of `m` points has `D m` of them. A tensor-product spline map with
+//! few control points cannot. It is no method of Imperatore 2024; it is there to be compared with.
+
+use std::sync::Arc;
+
+use fit_ls::{Cholesky, FactorizationError, NormalEquations, SortedPoints};
+use ndarray::Array2;
+use rayon::prelude::*;
+use thb_core::{CellSpace, HierarchicalSpace, KnotVector, SplineMap, SymmetricMatrix, bernstein};
+
+use crate::frame::{Frame, frames};
+use crate::jacobian::{Jacobian, Samples};
+use crate::moving::{Moves, MovingFit};
+use crate::patch::dot;
+use crate::{Error, SquareMapOptions};
+
+/// Degree of the map, unless it has too few control points.
+const DEGREE: usize = 3;
+
+/// Damping of the first step, relative to the diagonal.
+const FIRST_DAMPING: f64 = 1e-3;
+
+/// Factors of the damping after a step that lowered the objective, and after one that did not.
+const DAMPING_FACTORS: (f64, f64) = (0.1, 10.0);
+
+/// Beyond this damping a step is nothing but a short one down the gradient.
+const MOST_DAMPING: f64 = 1e6;
+
+/// Below this damping the equations are too near to singular.
+const LEAST_DAMPING: f64 = 1e-10;
+
+/// Cells of one parallel task.
+const CHUNK: usize = 16;
+
+/// The map `Φ` of the domain, with what the points need of it.
+#[derive(Clone, Debug)]
+pub(crate) struct SquareMap<const D: usize> {
+    knots: KnotVector,
+    /// Control points, `(per_side^D, D)`; the first direction runs fastest.
+    control_points: Vec<[f64; D]>,
+    /// Control point and direction of each unknown: none leaves its side.
+    free: Vec<(usize, usize)>,
+    /// For each point, by index, the functions that do not vanish at its first parameter.
+    active: Vec<Vec<(u32, f64)>>,
+    samples: Samples<D>,
+}
+
+impl<const D: usize> SquareMap<D> {
+    /// The identity with `per_side` control points in each direction, for points at first parameters `(m, D)`.
+    fn identity(per_side: usize, space: &HierarchicalSpace<D>, start: &Array2<f64>) -> Result<Self, Error> {
+        let degree = DEGREE.min(per_side - 1);
+        let (lower, upper) = space.domain();
+        let knots = KnotVector::uniform(degree, per_side - degree)?;
+        let sites = knots.greville();
+        let count = per_side.pow(D as u32);
+        let along = |j: usize, d: usize| j / per_side.pow(d as u32) % per_side;
+        let control_points = (0..count)
+            .map(|j| std::array::from_fn(|d| lower[d] + sites[along(j, d)] * (upper[d] - lower[d])))
+            .collect();
+        let is_free = |&(j, d): &(usize, usize)| (1..per_side - 1).contains(&along(j, d));
+        let free = (0..count).flat_map(|j| (0..D).map(move |d| (j, d))).filter(is_free).collect();
+        let unit = |row: ndarray::ArrayView1<'_, f64>| -> [f64; D] {
+            std::array::from_fn(|d| ((row[d] - lower[d]) / (upper[d] - lower[d])).clamp(0.0, 1.0))
+        };
+        let active = start.outer_iter().map(|row| products(&knots, unit(row))).collect::<Result<_, Error>>()?;
+        let samples = Samples::new(&knots, std::array::from_fn(|d| upper[d] - lower[d]))?;
+        Ok(Self { knots, control_points, free, active, samples })
+    }
+
+    /// Control points per direction.
+    fn per_side(&self) -> usize {
+        self.knots.n_functions()
+    }
+
+    /// The parameter of a point, by index.
+    fn parameter(&self, index: usize) -> [f64; D] {
+        let mut u = [0.0; D];
+        for &(j, share) in &self.active[index] {
+            (0..D).for_each(|d| u[d] += share * self.control_points[j as usize][d]);
+        }
+        u
+    }
+
+    /// The map after a step of the unknowns.
+    fn stepped(&self, step: &[f64]) -> Self {
+        let mut next = self.clone();
+        for (&(j, d), x) in self.free.iter().zip(step) {
+            next.control_points[j][d] += x;
+        }
+        next
+    }
+
+    /// The place of each pair of control point and direction among the unknowns, at `j D + d`.
+    fn places(&self) -> Vec<Option<u32>> {
+        let mut places = vec![None; self.control_points.len() * D];
+        for (place, &(j, d)) in self.free.iter().enumerate() {
+            places[j * D + d] = Some(place as u32);
+        }
+        places
+    }
+}
+
+/// The tensor products of the B-splines that do not vanish at a parameter of the unit cube, with their numbers.
+pub(crate) fn products<const D: usize>(knots: &KnotVector, u: [f64; D]) -> Result<Vec<(u32, f64)>, Error> {
+    let count = knots.n_functions();
+    let mut all = vec![(0_u32, 1.0)];
+    for d in (0..D).rev() {
+        let (first, values) = knots.basis(u[d])?;
+        all = all
+            .iter()
+            .flat_map(|&(j, share)| {
+                values.iter().enumerate().map(move |(i, x)| (j * count as u32 + (first + i) as u32, share * x))
+            })
+            .collect();
+    }
+    Ok(all)
+}
+
+impl<const D: usize> MovingFit<D> {
+    /// Steps of Levenberg and Marquardt for the control points of the map of the domain, from whose equations the
+    /// coefficients of the surface are eliminated: they are those of least squares at the moved parameters, always.
+    pub(crate) fn move_by_map(
+        &mut self,
+        map: SplineMap<D>,
+        options: &SquareMapOptions,
+        moves: &mut Moves,
+    ) -> Result<SplineMap<D>, Error> {
+        let space = map.space().clone();
+        let mut square = match self.square.take() {
+            Some(square) => square,
+            None => SquareMap::identity(options.per_side, &space, &self.start)?,
+        };
+        let energy = self.fit.energy(&space)?;
+        let barrier = options.barrier * self.options.tolerance.powi(2) * self.fit.points().total_weight();
+        let mut surface = self.fit_through(&square, &space)?;
+        let mut objective = self.objective(&surface, &energy, barrier, &square)?;
+        let mut damping = FIRST_DAMPING;
+        'steps: for _ in 0..options.max_steps {
+            if self.measure(&surface)?.max <= self.options.tolerance {
+                break;
+            }
+            let equations = self.reduced_equations(&square, &surface, &energy, barrier)?;
+            let lowered = loop {
+                let next = equations.step(damping).map(|step| square.stepped(&step));
+                if let Some(next) = next.filter(|next| next.samples.least(&next.control_points) > 0.0) {
+                    let trial = self.fit_through(&next, &space)?;
+                    let new = self.objective(&trial, &energy, barrier, &next)?;
+                    if new < objective {
+                        let lowered = (objective - new) / objective;
+                        (square, surface, objective) = (next, trial, new);
+                        damping = (damping * DAMPING_FACTORS.0).max(LEAST_DAMPING);
+                        break lowered;
+                    }
+                }
+                damping *= DAMPING_FACTORS.1;
+                if damping > MOST_DAMPING {
+                    break 'steps;
+                }
+            };
+            moves.corrections += 1;
+            if lowered < options.decrease {
+                break;
+            }
+        }
+        // The last trial may have been refused.
+        self.relocate_through(&square, &space)?;
+        tracing::debug!(per_side = square.per_side(), least_jacobian = square.samples.least(&square.control_points));
+        self.square = Some(square);
+        Ok(surface)
+    }
+
+    /// Puts all points at their parameters under the map.
+    fn relocate_through(&mut self, square: &SquareMap<D>, space: &HierarchicalSpace<D>) -> Result<(), Error> {
+        let (lower, upper) = space.domain();
+        let parameter = |&index: &u32| {
+            let (start, moved) = (self.start.row(index as usize), square.parameter(index as usize));
+            // Points on a side stay there, without the round-off of the map.
+            let is_on_side = |d: usize| start[d] == lower[d] || start[d] == upper[d];
+            space.to_domain(std::array::from_fn(|d| if is_on_side(d) { start[d] } else { moved[d] }))
+        };
+        let parameters: Vec<[f64; D]> = self.fit.points().order().iter().map(parameter).collect();
+        let cells = parameters.iter().map(|&u| space.locate_cell(u).map(|cell| cell as u32));
+        let cells = cells.collect::<Result<Vec<u32>, thb_core::Error>>()?;
+        Ok(self.fit.relocate(&parameters, &cells)?)
+    }
+
+    fn fit_through(&mut self, square: &SquareMap<D>, space: &Arc<HierarchicalSpace<D>>) -> Result<SplineMap<D>, Error> {
+        self.relocate_through(square, space)?;
+        Ok(self.fit.fit(space)?)
+    }
+
+    /// `½ Σ ω |r|² + ½ λ J + b mean(φ)` at the present parameters.
+    fn objective(
+        &mut self,
+        surface: &SplineMap<D>,
+        energy: &SymmetricMatrix,
+        barrier: f64,
+        square: &SquareMap<D>,
+    ) -> Result<f64, Error> {
+        let lambda = self.fit.lambda().unwrap_or(0.0);
+        let distances = self.fit.distances(surface)?.to_vec();
+        let points = self.fit.points();
+        let weight = |at: usize| points.weights().map_or(1.0, |w| w[at]);
+        let squares: f64 = distances.iter().enumerate().map(|(at, d)| weight(at) * d * d).sum();
+        let bending: f64 = (0..surface.dim())
+            .map(|k| {
+                let column = surface.coefficients().column(k).to_vec();
+                energy.multiply(&column).iter().zip(&column).map(|(g, c)| g * c).sum::<f64>()
+            })
+            .sum();
+        Ok(0.5 * squares + 0.5 * lambda * bending + square.samples.energy(&square.control_points, barrier))
+    }
+
+    fn reduced_equations(
+        &self,
+        square: &SquareMap<D>,
+        surface: &SplineMap<D>,
+        energy: &SymmetricMatrix,
+        barrier: f64,
+    ) -> Result<Reduced, Error> {
+        let points = self.fit.points();
+        let frames = frames(surface, points)?;
+        let mut reduced = Reduced::of_points(square, surface, points, &frames);
+        reduced.eliminate(surface.space(), points, energy, self.fit.lambda().unwrap_or(0.0))?;
+        let Jacobian { gradient, matrix } = square.samples.equations(&square.control_points, &square.free, barrier);
+        reduced.gradient.iter_mut().zip(gradient).for_each(|(g, x)| *g += x);
+        reduced.matrix.iter_mut().zip(matrix).for_each(|(h, x)| *h += x);
+        Ok(reduced)
+    }
+}
+
+/// The normal equations of a step of the unknowns of the map.
+#[derive(Debug)]
+struct Reduced {
+    unknowns: usize,
+    gradient: Vec<f64>,
+    /// `JᵀWJ`, less the part that the surface follows, row-major.
+    matrix: Vec<f64>,
+    /// Diagonal of `JᵀWJ`, by which steps are damped.
+    scale: Vec<f64>,
+    /// `BᵀWJ`, a row for each function of the surface and a column for each unknown and coordinate.
+    mixed: Array2<f64>,
+}
+
+/// What a run of cells adds.
+struct Part {
+    gradient: Vec<f64>,
+    matrix: Vec<f64>,
+    /// Cells with their rows of `BᵀWJ`, one per function of the cell.
+    rows: Vec<(usize, Vec<f64>)>,
+}
+
+impl Reduced {
+    /// The sums over the points: gradient, `JᵀWJ` and `BᵀWJ`, where `J` is the derivative of the residuals with respect to the
+    /// unknowns at constant coefficients.
+    fn of_points<const D: usize>(
+        square: &SquareMap<D>,
+        surface: &SplineMap<D>,
+        points: &SortedPoints<D>,
+        frames: &[Frame<D>],
+    ) -> Self {
+        let (unknowns, dim) = (square.free.len(), surface.dim());
+        let places = square.places();
+        let cells = surface.space().n_cells();
+        let parts: Vec<Part> = (0..cells.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let mut part =
+                    Part { gradient: vec![0.0; unknowns], matrix: vec![0.0; unknowns * unknowns], rows: Vec::new() };
+                for cell in chunk * CHUNK..(chunk * CHUNK + CHUNK).min(cells) {
+                    part.add(cell, square, &places, surface, points, frames);
+                }
+                part
+            })
+            .collect();
+        let mut sum = Self {
+            unknowns,
+            gradient: vec![0.0; unknowns],
+            matrix: vec![0.0; unknowns * unknowns],
+            scale: Vec::new(),
+            mixed: Array2::zeros((surface.space().n_functions(), unknowns * dim)),
+        };
+        for part in parts {
+            sum.gradient.iter_mut().zip(&part.gradient).for_each(|(a, b)| *a += b);
+            sum.matrix.iter_mut().zip(&part.matrix).for_each(|(a, b)| *a += b);
+            for (cell, rows) in part.rows {
+                for (row, &function) in rows.chunks_exact(unknowns * dim).zip(surface.space().cell(cell).functions) {
+                    sum.mixed.row_mut(function as usize).iter_mut().zip(row).for_each(|(a, b)| *a += b);
+                }
+            }
+        }
+        sum.scale = (0..unknowns).map(|k| sum.matrix[k * unknowns + k]).collect();
+        sum
+    }
+
+    /// Takes out the part of the residuals that the coefficients take up when the parameters move:
+    /// `JᵀWJ − (BᵀWJ)ᵀ (BᵀWB + λG)⁻¹ BᵀWJ`. The gradient has no such part, since the coefficients are optimal.
+    fn eliminate<const D: usize>(
+        &mut self,
+        space: &Arc<HierarchicalSpace<D>>,
+        points: &SortedPoints<D>,
+        energy: &SymmetricMatrix,
+        lambda: f64,
+    ) -> Result<(), Error> {
+        let functions = space.n_functions();
+        let failed = |error| match error {
+            FactorizationError::OutOfMemory => Error::Fit(fit_ls::Error::OutOfMemory { functions }),
+            FactorizationError::NotPositiveDefinite => {
+                Error::Minimization { reason: "the coefficients are not determined; smooth more".into() }
+            }
+        };
+        let NormalEquations { mut matrix, .. } = NormalEquations::new(space.as_ref(), energy.pattern(), points)?;
+        matrix.values_mut().iter_mut().zip(energy.values()).for_each(|(x, g)| *x += lambda * g);
+        let mut solver = Cholesky::new(matrix.pattern()).map_err(failed)?;
+        solver.factorize(&matrix).map_err(failed)?;
+        let solution = solver.solve(&self.mixed).map_err(failed)?;
+        // Columns of one coordinate belong together: they are `unknowns` wide.
+        let dim = self.mixed.ncols() / self.unknowns.max(1);
+        for k in 0..dim {
+            let columns: Vec<usize> = (0..self.unknowns).map(|a| k * self.unknowns + a).collect();
+            let mixed = self.mixed.select(ndarray::Axis(1), &columns);
+            let followed = mixed.t().dot(&solution.select(ndarray::Axis(1), &columns));
+            self.matrix.iter_mut().zip(followed.iter()).for_each(|(h, x)| *h -= x);
+        }
+        Ok(())
+    }
+
+    /// The step `−(H + μ diag)⁻¹ g`; `None` unless the matrix is positive definite.
+    fn step(&self, damping: f64) -> Option<Vec<f64>> {
+        let n = self.unknowns;
+        let largest = self.scale.iter().copied().fold(0.0, f64::max);
+        let mut factor = self.matrix.clone();
+        for k in 0..n {
+            // Unknowns without points near them stay where they are.
+            factor[k * n + k] += damping * self.scale[k].max(f64::EPSILON * largest);
+        }
+        for i in 0..n {
+            for j in 0..=i {
+                let (above, row) = factor.split_at(i * n);
+                let pivot = if j < i { &above[j * n..j * n + j] } else { &row[..i] };
+                let rest = row[j] - row[..j].iter().zip(pivot).map(|(a, b)| a * b).sum::<f64>();
+                if i == j && (rest <= 0.0 || rest.is_nan()) {
+                    return None;
+                }
+                factor[i * n + j] = if i == j { rest.sqrt() } else { rest / factor[j * n + j] };
+            }
+        }
+        let mut x: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
+        for i in 0..n {
+            let known: f64 = (0..i).map(|k| factor[i * n + k] * x[k]).sum();
+            x[i] = (x[i] - known) / factor[i * n + i];
+        }
+        for i in (0..n).rev() {
+            let known: f64 = (i + 1..n).map(|k| factor[k * n + i] * x[k]).sum();
+            x[i] = (x[i] - known) / factor[i * n + i];
+        }
+        x.iter().all(|x| x.is_finite()).then_some(x)
+    }
+}
+
+impl Part {
+    fn add<const D: usize>(
+        &mut self,
+        cell: usize,
+        square: &SquareMap<D>,
+        places: &[Option<u32>],
+        surface: &SplineMap<D>,
+        points: &SortedPoints<D>,
+        frames: &[Frame<D>],
+    ) {
+        let range = points.offsets()[cell]..points.offsets()[cell + 1];
+        if range.is_empty() {
+            return;
+        }
+        let (unknowns, dim) = (square.free.len(), surface.dim());
+        let place = surface.space().cell(cell);
+        let size = place.size();
+        let width = unknowns * dim;
+        let mut rows = vec![0.0; place.n_local() * width];
+        for at in range {
+            let frame = &frames[at];
+            let weight = points.weights().map_or(1.0, |w| w[at]);
+            let u = points.parameter(at);
+            let local: [f64; D] = std::array::from_fn(|d| (u[d] - place.lower[d]) / size[d]);
+            let values = local_values(surface.space().degree(), local);
+            // Unknowns that move the point, with their derivative of its parameter and the direction.
+            let moving: Vec<(usize, usize, f64)> = square.active[points.order()[at] as usize]
+                .iter()
+                .flat_map(|&(j, share)| {
+                    (0..D).filter_map(move |d| places[j as usize * D + d].map(|place| (place as usize, d, share)))
+                })
+                .collect();
+            let metric = frame.metric();
+            let slope: [f64; D] = std::array::from_fn(|d| dot(&frame.tangents[d], &frame.residual));
+            for &(a, d, share) in &moving {
+                self.gradient[a] += weight * share * slope[d];
+                for &(b, e, other) in &moving {
+                    self.matrix[a * unknowns + b] += weight * share * other * metric[d][e];
+                }
+                for (row, value) in rows.chunks_exact_mut(width).zip(&values) {
+                    for k in 0..dim {
+                        row[k * unknowns + a] += weight * value * share * frame.tangents[d][k];
+                    }
+                }
+            }
+        }
+        place.pull_back(&mut rows, width, &mut Vec::new());
+        self.rows.push((cell, rows));
+    }
+}
+
+/// The Bernstein polynomials of all directions at a local parameter, multiplied; the first direction runs fastest.
+fn local_values<const D: usize>(degree: [usize; D], local: [f64; D]) -> Vec<f64> {
+    let mut all = vec![1.0];
+    for d in (0..D).rev() {
+        let mut values = [0.0; thb_core::MAX_DEGREE + 1];
+        bernstein::values(degree[d], local[d], &mut values);
+        all = all.iter().flat_map(|&share| values[..=degree[d]].iter().map(move |x| share * x)).collect();
+    }
+    all
+}

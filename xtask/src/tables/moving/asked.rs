@@ -1,0 +1,33 @@
+//! What was to be reached, beside what is.
+
+use super::super::markdown::table;
+
+/// Bounds, and what came of them.
+#[derive(Default)]
+pub(super) struct Asked {
+    rows: Vec<Vec<String>>,
+}
+
+impl Asked {
+    /// A bound from above, both written as `figure` does.
+    pub(super) fn at_most(&mut self, what: &str, bound: f64, here: f64, figure: impl Fn(f64) -> String) {
+        self.add(what, format!("≤ {}", figure(bound)), figure(here), here <= bound);
+    }
+
+    /// Anything else.
+    pub(super) fn add(&mut self, what: &str, bound: String, here: String, kept: bool) {
+        self.rows.push(vec![what.into(), bound, here, if kept { "yes" } else { "no" }.into()]);
+    }
+
+    pub(super) fn text(&self) -> String {
+        format!("{TEXT}{}", table(&["what", "bound", "here", "met"], &self.rows))
+    }
+}
+
+const TEXT: &str = "
+## In short
+
+Bounds are figures printed in Imperatore 2024 (the adaptive loop may need a tenth more control points than A-PDM's printed 2329), figures
+of G+Smo, or margins to them that this project set itself; *ours* is the best of the joint method's settings below.
+
+";
