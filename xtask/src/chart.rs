@@ -104,7 +104,9 @@ impl Axis {
 
 impl Chart {
     fn draw(&self, left: f64, out: &mut String) {
-        let values = |k: usize| self.series.iter().flat_map(move |s| s.points.iter().map(move |p| p[k]));
+        let scaled = |p: &[f64; 2]| [if self.linear_x { p[0] } else { p[0].log10() }, p[1].log10()];
+        let shown = |p: &&[f64; 2]| scaled(p).iter().all(|x| x.is_finite());
+        let values = |k: usize| self.series.iter().flat_map(move |s| s.points.iter().filter(shown).map(move |p| p[k]));
         let x_axis = Axis::over(values(0), self.linear_x);
         let y_axis = Axis::over(values(1).chain(self.level), false);
         let [west, east, north, south] = MARGIN;
@@ -149,7 +151,8 @@ impl Chart {
             escaped(&self.x_label)
         );
         for series in &self.series {
-            let places = series.points.iter().filter_map(|p| Some(format!("{:.1},{:.1}", x(p[0])?, y(p[1])?)));
+            let places =
+                series.points.iter().filter(shown).filter_map(|p| Some(format!("{:.1},{:.1}", x(p[0])?, y(p[1])?)));
             let places: Vec<String> = places.collect();
             let dash = if series.dashed { " stroke-dasharray=\"6 4\"" } else { "" };
             let colour = COLOURS[series.colour % COLOURS.len()];
@@ -234,7 +237,7 @@ mod tests {
         assert!(picture.contains("points=\"70.0,34.0 545.0,203.0\""), "{picture}");
         assert!(picture.contains("points=\"70.0,203.0 545.0,372.0\""), "{picture}");
         assert!(picture.contains("a &lt; b") && picture.contains("stroke-dasharray"));
-        assert_eq!(picture.matches("<text").count(), 2 + 1 + 2 + 3, "ticks, title and label: {picture}");
+        assert_eq!(picture.matches("<text").count(), 3 + 4 + 2 + 1, "ticks, title and label, one name: {picture}");
     }
 
     #[test]
