@@ -28,6 +28,6 @@ const TEXT: &str = "
 ## In short
 
 Bounds are figures printed in Imperatore 2024 (the adaptive loop may need a tenth more control points than A-PDM's printed 2329), figures
-of G+Smo, or margins to them that this project set itself; *ours* is the best of the joint method's settings below.
+of G+Smo, or margins to them that this project set itself; *ours* is one of the settings of the joint method below, or any method for the sheet of degree 3.
 
 ";

@@ -52,6 +52,8 @@ pub(super) struct Settings {
     pub(super) degree: usize,
     pub(super) elements: [usize; 2],
     pub(super) lambda: f64,
+    /// Cells of the next level by which the region around a point is extended.
+    pub(super) extension: usize,
     pub(super) tolerance: f64,
     /// Share of the points that must be met.
     pub(super) within: f64,
@@ -70,6 +72,7 @@ impl Settings {
             degree: 2,
             elements,
             lambda: 1e-7,
+            extension: 1,
             tolerance,
             within: 1.0,
             max_dofs: 20_000,
@@ -92,7 +95,7 @@ impl Settings {
             within: self.within,
             max_dofs: self.max_dofs,
             max_iterations: self.max_iterations,
-            refinement: Refinement { extension: [2; 2], max_levels: 16, ..Refinement::default() },
+            refinement: Refinement { extension: [self.extension; 2], max_levels: 16, ..Refinement::default() },
             ..adaptive::Options::default()
         }
     }
