@@ -225,7 +225,7 @@ mod tests {
         assert!(!crosses(&ring, &circle([2.5, 0.0], 1.0, 1.0)) && !crosses(&ring, &circle([0.0, 0.0], 0.5, 1.0)));
         let box_sides: Outline = (0..64)
             .map(|k| f64::from(k) / 16.0)
-            .map(|t| [(t.min(1.0) - (t - 2.0).clamp(0.0, 1.0)), (t - 1.0).clamp(0.0, 1.0) - (t - 3.0).max(0.0)])
+            .map(|t| [t.min(1.0) - (t - 2.0).clamp(0.0, 1.0), (t - 1.0).clamp(0.0, 1.0) - (t - 3.0).max(0.0)])
             .collect();
         assert!(!crosses(&box_sides, &box_sides) && !winds_oddly(&box_sides));
         let eight: Outline =
