@@ -187,11 +187,15 @@ fn crosses(first: &[[f64; 2]], second: &[[f64; 2]]) -> bool {
     }
     let side = |p: [f64; 2], [a, b]: [[f64; 2]; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
     let apart = |p: [[f64; 2]; 2], q: [[f64; 2]; 2]| side(p[0], q) * side(p[1], q) > 0.0;
+    // Pieces of one straight line lie on no side of each other.
+    let beside = |p: [[f64; 2]; 2], q: [[f64; 2]; 2]| {
+        (0..2).any(|d| p[0][d].max(p[1][d]) < q[0][d].min(q[1][d]) || q[0][d].max(q[1][d]) < p[0][d].min(p[1][d]))
+    };
     let n = first.len();
     (0..n).any(|i| {
         let p = piece(first, i);
         let others = if same { i + 2..n - usize::from(i == 0) } else { 0..second.len() };
-        others.map(|j| piece(second, j)).any(|q| !apart(p, q) && !apart(q, p))
+        others.map(|j| piece(second, j)).any(|q| !beside(p, q) && !apart(p, q) && !apart(q, p))
     })
 }
 
@@ -219,6 +223,11 @@ mod tests {
         assert!(!crosses(&ring, &ring) && !winds_oddly(&ring));
         assert!(crosses(&ring, &circle([1.5, 0.0], 1.0, 1.0)));
         assert!(!crosses(&ring, &circle([2.5, 0.0], 1.0, 1.0)) && !crosses(&ring, &circle([0.0, 0.0], 0.5, 1.0)));
+        let box_sides: Outline = (0..64)
+            .map(|k| f64::from(k) / 16.0)
+            .map(|t| [t.min(1.0) - (t - 2.0).clamp(0.0, 1.0), (t - 1.0).clamp(0.0, 1.0) - (t - 3.0).max(0.0)])
+            .collect();
+        assert!(!crosses(&box_sides, &box_sides) && !winds_oddly(&box_sides));
         let eight: Outline =
             (0..64).map(|k| TAU * (f64::from(k) + 0.5) / 64.0).map(|t| [t.sin(), (2.0 * t).sin()]).collect();
         assert!(crosses(&eight, &eight) && winds_oddly(&eight) && winds_oddly(&circle([0.0, 0.0], 1.0, 2.0)));
