@@ -1,13 +1,11 @@
-//! Milliseconds that the embedded network takes for clouds of several sizes, read once and averaged:
+//! Milliseconds of processor time that the embedded network takes for clouds of several sizes, read once and averaged:
 //! `cargo run --release -p param-nn --example bidgcn_timing`.
 
-use std::time::Instant;
+#[path = "clock/mod.rs"]
+mod clock;
 
 use ndarray::Axis;
 use param_nn::{Bidgcn, ControlPoints, NnError, Reading, ScatteredSpec, stream};
-
-/// Runs of each size; the fastest counts, since other programs only make them slower.
-const RUNS: usize = 15;
 
 #[expect(clippy::print_stdout, reason = "an example reports to its user")]
 fn main() -> Result<(), NnError> {
@@ -19,15 +17,10 @@ fn main() -> Result<(), NnError> {
         let rows: Vec<usize> = (interior..cloud.points.nrows()).collect();
         let boundary: Vec<u32> = rows.iter().map(|&row| row as u32).collect();
         let parameters = cloud.parameters.select(Axis(0), &rows);
-        let mut fastest = [f64::INFINITY; 2];
-        for _ in 0..RUNS {
-            for (network, fastest) in [&once, &averaged].into_iter().zip(&mut fastest) {
-                let start = Instant::now();
-                network.predict(cloud.points.view(), &boundary, parameters.view())?;
-                *fastest = fastest.min(start.elapsed().as_secs_f64() * 1e3);
-            }
-        }
-        let [once, averaged] = fastest;
+        let time = |network: &Bidgcn| {
+            clock::milliseconds(|| network.predict(cloud.points.view(), &boundary, parameters.view()).map(|_| ()))
+        };
+        let (once, averaged) = (time(&once)?, time(&averaged)?);
         println!("{interior:6} interior points: {once:8.2} ms, averaged {averaged:8.2} ms");
     }
     Ok(())

@@ -1,13 +1,11 @@
-//! Milliseconds that the embedded networks take for sequences and grids of several sizes:
+//! Milliseconds of processor time that the embedded networks take for sequences and grids of several sizes:
 //! `cargo run --release -p param-nn --example parcnn_timing`.
 
-use std::time::Instant;
+#[path = "clock/mod.rs"]
+mod clock;
 
 use ndarray::Array3;
 use param_nn::{GriddedSpec, NnError, Parcnn, Shape, SplineSpace, stream};
-
-/// Runs of each size; the fastest counts, since other programs only make them slower.
-const RUNS: usize = 9;
 
 #[expect(clippy::print_stdout, reason = "an example reports to its user")]
 fn main() -> Result<(), NnError> {
@@ -17,8 +15,8 @@ fn main() -> Result<(), NnError> {
         for count in [20, 100, 1000] {
             let spec = GriddedSpec { shape: Shape::Curve { degree: 3, dimension }, size: [count, 1], noise: 0.0 };
             let points = spec.sample(&mut stream(1, 0))?.points;
-            let fastest = fastest(|| network.predict_sequence(points.view(), space).map(|_| ()))?;
-            println!("{count:5} points, dimension {dimension}: {fastest:8.2} ms");
+            let time = clock::milliseconds(|| network.predict_sequence(points.view(), space).map(|_| ()))?;
+            println!("{count:5} points, dimension {dimension}: {time:8.2} ms");
         }
     }
     let network = Parcnn::embedded(3, 2)?;
@@ -26,18 +24,8 @@ fn main() -> Result<(), NnError> {
         let spec = GriddedSpec { shape: Shape::Surface { degree: 3 }, size: [count, count], noise: 0.0 };
         let points = spec.sample(&mut stream(1, 0))?.points;
         let grid = Array3::from_shape_fn((count, count, 3), |(i, j, k)| points[[i * count + j, k]]);
-        let fastest = fastest(|| network.predict_grid(grid.view(), space).map(|_| ()))?;
-        println!("{count:3} × {count:3} points: {fastest:8.2} ms");
+        let time = clock::milliseconds(|| network.predict_grid(grid.view(), space).map(|_| ()))?;
+        println!("{count:3} × {count:3} points: {time:8.2} ms");
     }
     Ok(())
-}
-
-fn fastest(mut run: impl FnMut() -> Result<(), NnError>) -> Result<f64, NnError> {
-    let mut fastest = f64::INFINITY;
-    for _ in 0..RUNS {
-        let start = Instant::now();
-        run()?;
-        fastest = fastest.min(start.elapsed().as_secs_f64() * 1e3);
-    }
-    Ok(fastest)
 }

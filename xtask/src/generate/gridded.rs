@@ -1,13 +1,12 @@
 //! Sequences and grids on random curves and surfaces, the training and test data of PARCNN.
 
 use std::fmt::Write as _;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use candle_core::{Device, Tensor};
 use clap::ValueEnum;
 use ndarray::Array2;
-use ndarray_npy::NpzWriter;
 use param_nn::{GriddedCloud, GriddedSpec, Shape, stream};
 
 /// What is sampled.
@@ -55,12 +54,17 @@ pub fn write(spec: &GriddedSpec, format: FileFormat, seed: u64, count: u64, fold
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let one = |index: u64| {
         let cloud = spec.sample(&mut stream(seed, index))?;
-        let (extension, bytes) = match format {
-            FileFormat::Csv => ("csv", csv(&cloud)?.into_bytes()),
-            FileFormat::Npz => ("npz", npz(&cloud, spec.size)?),
+        let extension = match format {
+            FileFormat::Csv => "csv",
+            FileFormat::Npz => "npz",
         };
         let path = folder.join(format!("gridded_{index:04}.{extension}"));
-        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        match format {
+            FileFormat::Csv => {
+                std::fs::write(&path, csv(&cloud)?).with_context(|| format!("cannot write {}", path.display()))?;
+            }
+            FileFormat::Npz => write_npz(&cloud, spec.size, &path)?,
+        }
         Ok(path)
     };
     (0..count).map(one).collect()
@@ -76,43 +80,39 @@ fn csv(cloud: &GriddedCloud) -> Result<String> {
     Ok(text)
 }
 
-fn npz(cloud: &GriddedCloud, [along, across]: [usize; 2]) -> Result<Vec<u8>> {
-    let mut bytes = Cursor::new(Vec::new());
-    let mut file = NpzWriter::new(&mut bytes);
-    let mut add = |name: &str, rows: &Array2<f64>| -> Result<()> {
-        if cloud.parameters.ncols() == 1 {
-            file.add_array(name, rows)?;
-        } else {
-            file.add_array(name, &rows.to_shape((along, across, rows.ncols()))?)?;
-        }
-        Ok(())
+/// Writes the arrays of an item.
+fn write_npz(cloud: &GriddedCloud, [along, across]: [usize; 2], path: &Path) -> Result<()> {
+    let tensor = |rows: &Array2<f64>| -> Result<Tensor> {
+        let numbers: Vec<f64> = rows.iter().copied().collect();
+        Ok(match cloud.parameters.ncols() {
+            1 => Tensor::from_vec(numbers, rows.dim(), &Device::Cpu)?,
+            _ => Tensor::from_vec(numbers, (along, across, rows.ncols()), &Device::Cpu)?,
+        })
     };
-    add("parameters", &cloud.parameters)?;
-    add("points", &cloud.points)?;
-    file.finish()?;
-    Ok(bytes.into_inner())
+    let arrays = [("parameters", tensor(&cloud.parameters)?), ("points", tensor(&cloud.points)?)];
+    Tensor::write_npz(&arrays, path).with_context(|| format!("cannot write {}", path.display()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::{Array3, Ix2};
-    use ndarray_npy::NpzReader;
 
     #[test]
     fn arrays_of_numpy_read_back_bit_by_bit() {
-        let sample = |kind: Kind, size| {
-            GriddedSpec { shape: kind.shape(3), size, noise: 0.01 }.sample(&mut stream(4, 2)).unwrap()
-        };
-        let curve = sample(Kind::SpaceCurve, [9, 1]);
-        let mut file = NpzReader::new(Cursor::new(npz(&curve, [9, 1]).unwrap())).unwrap();
-        assert_eq!(file.by_name::<ndarray::OwnedRepr<f64>, Ix2>("points").unwrap(), curve.points);
-        assert_eq!(file.by_name::<ndarray::OwnedRepr<f64>, Ix2>("parameters").unwrap(), curve.parameters);
-        let surface = sample(Kind::Surface, [4, 5]);
-        let mut file = NpzReader::new(Cursor::new(npz(&surface, [4, 5]).unwrap())).unwrap();
-        let points: Array3<f64> = file.by_name("points").unwrap();
-        assert_eq!(points.dim(), (4, 5, 3));
-        assert!((0..4).all(|i| (0..5).all(|j| (0..3).all(|k| points[[i, j, k]] == surface.points[[5 * i + j, k]]))));
+        let folder = std::env::temp_dir().join(format!("gridded-{}", std::process::id()));
+        for (kind, size, shape) in [(Kind::SpaceCurve, [9, 1], vec![9]), (Kind::Surface, [4, 5], vec![4, 5])] {
+            let spec = GriddedSpec { shape: kind.shape(3), size, noise: 0.01 };
+            let paths = write(&spec, FileFormat::Npz, 4, 2, &folder).unwrap();
+            assert!(paths[1].ends_with("gridded_0001.npz"), "{paths:?}");
+            let cloud = spec.sample(&mut stream(4, 1)).unwrap();
+            let arrays = Tensor::read_npz_by_name(&paths[1], &["parameters", "points"]).unwrap();
+            for (array, rows) in arrays.iter().zip([&cloud.parameters, &cloud.points]) {
+                assert_eq!(array.dims(), [&shape[..], &[rows.ncols()]].concat());
+                let numbers = array.flatten_all().unwrap().to_vec1::<f64>().unwrap();
+                assert_eq!(numbers, rows.iter().copied().collect::<Vec<f64>>());
+            }
+        }
+        std::fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]

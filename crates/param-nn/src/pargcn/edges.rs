@@ -285,6 +285,17 @@ mod tests {
     }
 
     #[test]
+    fn without_a_radius_every_point_has_as_many_neighbours() {
+        let mut random = stream(4, 1);
+        let points: Vec<[f64; 3]> = (0..150).map(|_| random.random()).collect();
+        let (graph, wide) =
+            (EdgeGraph::nearest(&points, 100, 0.2, 7).unwrap(), EdgeGraph::new(&points, 100, 2.0, 7).unwrap());
+        assert_eq!((graph.radius, graph.edges()), (0.2, 700));
+        // A radius wider than the cube leaves the choice to the limit too.
+        assert_eq!(graph.leaving, wide.leaving);
+    }
+
+    #[test]
     fn a_radius_that_is_too_small_grows() {
         let points: Vec<[f64; 3]> = (0..20).map(|k| [f64::from(k) / 19.0, 0.0, 0.0]).collect();
         let graph = EdgeGraph::new(&points, 19, 0.01, 3).unwrap();

@@ -91,8 +91,8 @@ control points is within 2 % of the printed one, or as near as nine trials come.
 ";
 
 pub(super) const AFTER_MOVING: &str = "
-Printed, the clouds being others of the same kind: (d) LPSP 5672 control points, MSE 5.50e-6, MAX 3.34e-2, and BIDGCN 5404, 1.75e-6,
-1.41e-2, a factor of 0.32; (c) BIDGCN 2687, 1.45e-8, 1.03e-3.
+Printed: (d), on a cloud of as many points, LPSP 5672 control points, MSE 5.50e-6, MAX 3.34e-2, and BIDGCN 5404, 1.75e-6, 1.41e-2, a
+factor of 0.32; (c), on a face of 9283 points that is not public, BIDGCN 2687, 1.45e-8, 1.03e-3, without LPSP beside it.
 ";
 
 pub(super) const BEFORE_GUARDED: &str = "
