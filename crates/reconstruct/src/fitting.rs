@@ -45,6 +45,10 @@ const CREASED_MORE: f64 = 1e-4;
 /// must be worth less even isolines.
 const WORTHWHILE: f64 = 0.8;
 
+/// Share of the points left out that moving parameters may leave out, so 1 % where 5 % are: points move to where the surface
+/// meets them, and those that are left gather in the finest relief, which is then lost.
+const LEFT_OUT: f64 = 0.2;
+
 /// Control points that a fit with moving parameters may have, as a share of the points, if it is to be better than one that
 /// missed the tolerance: with as many as points it follows any noise.
 const MOST: f64 = 0.9;
@@ -88,15 +92,15 @@ pub(crate) struct Attempt {
 }
 
 impl Attempt {
-    fn reached(&self) -> bool {
-        self.fitted.stop == Stop::ToleranceReached
+    /// Share of the points within the tolerance.
+    fn within(&self) -> f64 {
+        self.fitted.history.last().map_or(0.0, |last| last.deviation.within)
     }
 
-    /// Better is what stays near the points without creases, then what reached the tolerance, then what has more points
-    /// within it.
-    fn rank(&self, problem: &Problem<'_>, creased: f64) -> (bool, bool, f64) {
-        let within = self.fitted.history.last().map_or(0.0, |last| last.deviation.within);
-        (self.hsd <= FAR * problem.diagonal && self.creases <= creased, self.reached(), within)
+    /// Better is what stays near the points without creases, then what has the asked share of the points within the tolerance,
+    /// then what comes closest to that.
+    fn rank(&self, problem: &Problem<'_>, creased: f64, asked: f64) -> (bool, f64) {
+        (self.hsd <= FAR * problem.diagonal && self.creases <= creased, self.within().min(asked))
     }
 
     fn dofs(&self) -> usize {
@@ -132,34 +136,40 @@ pub(crate) fn fit(
         return attempt(options.method, problem, space, options, watch);
     }
     let fixed = attempt(Method::Ls, problem, space, options, watch)?;
-    let coarsest = fixed.dofs() == space.n_functions() && fixed.reached();
+    let reached = fixed.fitted.stop == Stop::ToleranceReached;
+    let coarsest = fixed.dofs() == space.n_functions() && reached;
     if coarsest || fixed.fitted.stop == Stop::Interrupted || options.reweighting.is_asked_for() {
         return Ok(fixed);
     }
-    let enough = match fixed.reached() {
+    let enough = match reached {
         true => Some((WORTHWHILE * fixed.dofs() as f64) as usize),
         false => options.max_dofs.or(Some((MOST * problem.points.nrows() as f64) as usize)),
     };
+    let within = 1.0 - LEFT_OUT * (1.0 - options.within);
     let lambda = LambdaChoice::Fixed(fixed.fitted.lambda);
-    let moving = FitOptions { lambda, max_dofs: enough, ..options.clone() };
+    let moving = FitOptions { lambda, within, max_dofs: enough, ..options.clone() };
     let softer = FitOptions { lambda: LambdaChoice::Fixed(SOFTER * fixed.fitted.lambda), ..moving.clone() };
-    let may_be_softer = options.lambda == LambdaChoice::Auto && !fixed.reached();
+    let may_be_softer = options.lambda == LambdaChoice::Auto && !reached;
     let tries = [(&moving, "fitting with moving parameters"), (&softer, "fitting with less smoothing")];
-    let creased = if fixed.reached() { fixed.creases + CREASED_MORE } else { CREASED };
+    let creased = if reached { fixed.creases + CREASED_MORE } else { CREASED };
     let mut best = fixed;
-    for (options, step) in tries.into_iter().take(1 + usize::from(may_be_softer)) {
+    for (moving, step) in tries.into_iter().take(1 + usize::from(may_be_softer)) {
         let _ = watch(Event::Step(step));
-        let other = attempt(Method::Joint, problem, space, options, watch)?;
-        let (before, now) = (best.rank(problem, creased), other.rank(problem, creased));
-        tracing::info!(?before, ?now, "near and smooth, reached, within");
-        let (fit, reached, _) = now;
-        // What reached the tolerance here needs fewer control points than what did so before.
-        if (fit && reached) || now > before {
+        let other = attempt(Method::Joint, problem, space, moving, watch)?;
+        let rank = |attempt: &Attempt| attempt.rank(problem, creased, options.within);
+        let (before, now) = (rank(&best), rank(&other));
+        tracing::info!(?before, ?now, within = other.within(), "near and smooth, within");
+        // What is as close as asked of moving parameters needs fewer control points than what was found before.
+        let close = now.0 && other.fitted.stop == Stop::ToleranceReached;
+        if close || now > before {
             best = other;
         }
-        if (fit && reached) || best.fitted.stop == Stop::Interrupted {
+        if close || best.fitted.stop == Stop::Interrupted {
             break;
         }
+    }
+    if best.within() >= options.within && best.fitted.stop != Stop::Interrupted {
+        best.fitted.stop = Stop::ToleranceReached;
     }
     Ok(best)
 }

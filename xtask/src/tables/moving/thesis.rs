@@ -145,7 +145,7 @@ impl Study {
                 ("fixed", None),
                 ("A-PDM, 1", alternating(Distance::Point, 1)),
                 ("A-HDM, 1, γ = 1/3", alternating(hybrid(GAMMA[1]), 1)),
-                ("A-HDM, 3, γ = 1/3", alternating(hybrid(GAMMA[1]), 3)),
+                ("A-HDM, 5, γ = 1/3", alternating(hybrid(GAMMA[1]), 5)),
                 (
                     "J-PDM, η = 1e-5, K = 100",
                     Some(Method::JointLbfgs(Schedule::Constant { gradient: 1e-5, max_iterations: 100 })),
