@@ -70,7 +70,10 @@ fn quasi_interpolation_fits_and_reports_its_local_problems() {
         let history = report["history"].as_array().unwrap();
         let solved = |k: usize| history[k]["quasi"]["solved"].as_u64().unwrap();
         let moves = method.starts_with("a-qi");
-        assert_eq!(solved(0), if moves { 3 } else { 1 } * history[0]["dofs"].as_u64().unwrap(), "{method}");
+        // Corrections solve anew, and once more where moves are undone.
+        let rounds = if moves { 3..=4 } else { 1..=1 };
+        let functions = history[0]["dofs"].as_u64().unwrap();
+        assert!(rounds.map(|round| round * functions).any(|expected| solved(0) == expected), "{method}: {}", solved(0));
         assert!(history.iter().all(|i| i["moves"].is_null() != moves), "{method}");
         let compared = lab.prints_json("compare part.json scan.off --tol 0.02%");
         assert!(compared["within"].as_f64().unwrap() >= report["result"]["within"].as_f64().unwrap(), "{method}");
