@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_hole_larger_than_the_far_end_stays_a_hole() {
-        let open = cone(|i, j| (3..13).contains(&i) && (2..7).contains(&j));
+        let open = cone(|i, j| (3..9).contains(&i) && (2..6).contains(&j));
         let mesh = drop_unreferenced(&open).unwrap().mesh;
         let disk = DiskMesh::new(mesh.clone()).unwrap();
         let tube = disk.tube_ends().unwrap();
