@@ -72,7 +72,7 @@ fn a_prism_unrolls_to_a_plane() {
 }
 
 #[test]
-fn a_thin_cone_gets_even_heights() {
+fn a_thin_cone_is_stretched_less() {
     let disk = tube(
         40,
         60,
@@ -82,16 +82,11 @@ fn a_thin_cone_gets_even_heights() {
             [radius * angle.cos(), radius * angle.sin(), 8.0 * v]
         },
     );
-    let heights = |map: &TubeMap| -> f64 {
-        // The vertices of the first column, half way up.
-        map.parameters[[30, 1]]
-    };
-    let (plain, even) = (map(&disk, 0), map(&disk, 10));
-    // A harmonic height goes with the logarithm of the radius: ln(1/0.525)/ln(1/0.05) = 0.215.
-    assert!((heights(&plain) - 0.215).abs() < 0.01, "{}", heights(&plain));
-    // By area it would be 0.73 of the square below, by length 0.5.
-    assert!((0.34..0.6).contains(&heights(&even)), "{}", heights(&even));
-    assert!(even.report.rounds > 0 && even.report.stretch[1] < 0.5 * even.report.stretch[0], "{:?}", even.report);
+    // Means crowd the thin end.
+    let even = map(&disk, 10);
+    // A map without distortion has stretch 1.
+    let [before, after] = even.report.stretch.map(|stretch| stretch - 1.0);
+    assert!(even.report.rounds > 0 && after < 0.25 * before, "{:?}", even.report);
     assert!(even.report.quality.folded.is_empty());
 }
 
