@@ -126,10 +126,7 @@ impl<const D: usize> Reweighted<D> {
     /// [`Error::Parameter`].
     pub fn measure(&mut self, map: &SplineMap<D>) -> Result<(), Error> {
         let distances = self.solver.distances(map)?.to_vec();
-        self.errors.resize(distances.len(), 0.0);
-        for (&index, distance) in self.solver.points().order().iter().zip(distances) {
-            self.errors[index as usize] = distance;
-        }
+        self.errors = self.solver.points().as_given(&distances);
         Ok(())
     }
 

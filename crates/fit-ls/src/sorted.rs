@@ -104,6 +104,13 @@ impl<const D: usize> SortedPoints<D> {
         places
     }
 
+    /// Values of the sorted points in the order in which the points were given.
+    pub fn as_given(&self, sorted: &[f64]) -> Vec<f64> {
+        let mut given = vec![0.0; sorted.len()];
+        self.order.iter().zip(sorted).for_each(|(&index, &value)| given[index as usize] = value);
+        given
+    }
+
     /// The parameter of a sorted point.
     pub fn parameter(&self, at: usize) -> [f64; D] {
         std::array::from_fn(|d| self.parameters[d][at])

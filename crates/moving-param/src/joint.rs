@@ -150,11 +150,12 @@ impl<const D: usize> MovingFit<D> {
             let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
             // As long as distances are beyond the tolerance folds cost as much as they do: for less a step would fold first,
             // and then not be taken.
-            let level = squares(&distances, &weights).max(0.5 * self.options.tolerance.powi(2) * points.total_weight());
+            let of_points = squares(&distances, &weights);
+            let level = of_points.max(0.5 * self.options.tolerance.powi(2) * points.total_weight());
             let fold_weight = options.regularity * 2.0 * level / space.n_cells() as f64;
             let sheet = regularity.as_ref().map(|regularity| Sheet::new(regularity, &map, fold_weight));
             let held = between.as_ref().map(|b| b.equations(&map, system.pattern(), points)).transpose()?;
-            let objective = squares(&distances, &weights)
+            let objective = of_points
                 + self.springs(|at| points.parameter(at), &weights)
                 + system.energy_part(&map.coefficients().to_owned())
                 + held.as_ref().map_or(0.0, |(energy, _)| *energy)

@@ -20,6 +20,7 @@ use crate::foot_point::point;
 use crate::frame::frames;
 use crate::moving::{Moves, MovingFit};
 use crate::patch::{MAX_DIM, Patch, difference, dot};
+use crate::place::cells_of;
 use crate::{Error, Schedule};
 
 /// Corrections of the inverse Hessian that are kept (Imperatore 2024, Remark 27).
@@ -64,8 +65,7 @@ impl<const D: usize> MovingFit<D> {
         moves.corrections += result.state.get_iter() as usize;
         let Some(best) = result.state.get_best_param() else { return Ok(map) };
         let (coefficients, parameters) = problem.unpack(best);
-        let cells = parameters.iter().map(|&u| space.locate_cell(u).map(|cell| cell as u32));
-        let cells = cells.collect::<Result<Vec<u32>, thb_core::Error>>()?;
+        let cells = cells_of(&space, &parameters)?;
         let map = SplineMap::new(space, coefficients)?;
         self.fit.relocate(&parameters, &cells)?;
         Ok(map)

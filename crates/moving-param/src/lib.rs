@@ -64,6 +64,7 @@ mod lbfgs;
 mod moving;
 mod options;
 mod patch;
+mod place;
 mod quasi;
 mod regularity;
 mod samples;

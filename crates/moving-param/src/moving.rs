@@ -12,6 +12,7 @@ use crate::anchor::Anchor;
 use crate::constraint::Constraints;
 use crate::fold::Triangles;
 use crate::foot_point::{FootPoints, foot_points};
+use crate::place::placed;
 use crate::square_map::SquareMap;
 use crate::system::StepSystem;
 use crate::{Boundary, Error, FootPointReport, Method, Options};
@@ -175,13 +176,8 @@ impl<const D: usize> MovingFit<D> {
 
     /// Restores parameters given in the order of the points.
     pub(crate) fn restore(&mut self, parameters: &Array2<f64>, space: &HierarchicalSpace<D>) -> Result<(), Error> {
-        let order = self.fit.points().order().to_vec();
-        let moved: Vec<[f64; D]> =
-            order.iter().map(|&index| std::array::from_fn(|d| parameters[[index as usize, d]])).collect();
-        let cells: Result<Vec<u32>, thb_core::Error> =
-            moved.iter().map(|&u| space.locate_cell(u).map(|cell| cell as u32)).collect();
-        self.fit.relocate(&moved, &cells?)?;
-        Ok(())
+        let (placed, cells) = placed(self.fit.points(), parameters, space)?;
+        Ok(self.fit.relocate(&placed, &cells)?)
     }
 
     /// Root mean squared and largest distance, and the points outside the tolerance.

@@ -101,9 +101,15 @@ pub struct JointOptions {
     pub regularity: f64,
 }
 
+impl JointOptions {
+    /// What [`JointOptions::default`] gives.
+    pub const DEFAULT: Self =
+        Self { max_steps: 10, decrease: 3e-2, polish: 2, emphasis: 2, stiffness: 0.0, between: 0.0, regularity: 100.0 };
+}
+
 impl Default for JointOptions {
     fn default() -> Self {
-        Self { max_steps: 10, decrease: 3e-2, polish: 2, emphasis: 2, stiffness: 0.0, between: 0.0, regularity: 100.0 }
+        Self::DEFAULT
     }
 }
 

@@ -7,11 +7,12 @@ use adaptive::{Estimate, Solution, Solve};
 use fit_ls::SortedPoints;
 use fit_qi::{QuasiInterpolation, Work};
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{CellSpace, HierarchicalSpace, Mark, SplineMap};
+use thb_core::{HierarchicalSpace, Mark, SplineMap};
 
 use crate::constraint::Constraints;
 use crate::foot_point::{FootPoints, foot_points};
 use crate::moving::{Measure, Moves};
+use crate::place::placed;
 use crate::{Boundary, Error, FootPointOptions};
 
 /// How parameters move.
@@ -164,20 +165,13 @@ impl<const D: usize> MovingQuasi<D> {
     /// Distances of the points to a map, in the order in which they were given.
     fn distances_as_given(&mut self, map: &SplineMap<D>) -> Result<Vec<f64>, Error> {
         let sorted = self.method.distances(map)?.to_vec();
-        let mut given = vec![0.0; sorted.len()];
-        self.points().order().iter().zip(sorted).for_each(|(&index, distance)| given[index as usize] = distance);
-        Ok(given)
+        Ok(self.points().as_given(&sorted))
     }
 
     /// Gives the points parameters, `(m, D)` in the order in which they were given.
     fn restore(&mut self, parameters: &Array2<f64>, space: &HierarchicalSpace<D>) -> Result<(), Error> {
-        let order = self.points().order().iter();
-        let placed: Vec<[f64; D]> =
-            order.map(|&index| std::array::from_fn(|d| parameters[[index as usize, d]])).collect();
-        let cells: Result<Vec<u32>, thb_core::Error> =
-            placed.iter().map(|&u| space.locate_cell(u).map(|cell| cell as u32)).collect();
-        self.method.relocate(&placed, &cells?)?;
-        Ok(())
+        let (placed, cells) = placed(self.points(), parameters, space)?;
+        Ok(self.method.relocate(&placed, &cells)?)
     }
 
     fn measure(&mut self, map: &SplineMap<D>) -> Result<Measure, Error> {

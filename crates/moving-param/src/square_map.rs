@@ -14,6 +14,7 @@ use crate::frame::{Frame, frames};
 use crate::jacobian::{Jacobian, Samples};
 use crate::moving::{Moves, MovingFit};
 use crate::patch::dot;
+use crate::place::cells_of;
 use crate::{Error, SquareMapOptions};
 
 /// Degree of the map, unless it has too few control points.
@@ -181,8 +182,7 @@ impl<const D: usize> MovingFit<D> {
             space.to_domain(std::array::from_fn(|d| if is_on_side(d) { start[d] } else { moved[d] }))
         };
         let parameters: Vec<[f64; D]> = self.fit.points().order().iter().map(parameter).collect();
-        let cells = parameters.iter().map(|&u| space.locate_cell(u).map(|cell| cell as u32));
-        let cells = cells.collect::<Result<Vec<u32>, thb_core::Error>>()?;
+        let cells = cells_of(space, &parameters)?;
         Ok(self.fit.relocate(&parameters, &cells)?)
     }
 

@@ -121,7 +121,7 @@ fn place_boundary(
     Ok(sides)
 }
 
-fn short_edge(disk: &DiskMesh, vertices: [u32; 2]) -> ParamError {
+pub(crate) fn short_edge(disk: &DiskMesh, vertices: [u32; 2]) -> ParamError {
     let [a, b] = vertices.map(|v| disk.vertices().row(v as usize).to_owned());
     let difference = &b - &a;
     ParamError::ShortEdge { vertices, length: difference.dot(&difference).sqrt() }

@@ -6,7 +6,7 @@ use point_cloud::{BoundaryLoop, DiskMesh, TubeEnds};
 
 use crate::ParamError;
 use crate::barycentric::{BarycentricSystem, WeightEntry};
-use crate::mesh_map::FilledDisk;
+use crate::mesh_map::{FilledDisk, short_edge};
 use crate::quality::{MapQuality, map_quality};
 use crate::sequence::{Rule, sequence_parameters};
 use crate::unroll::unroll;
@@ -160,9 +160,7 @@ fn round(
     let no_length = || ParamError::NoLength { what: "an end of the tube", rule: rule.name(), points: vertices.len() };
     let shares = sequence_parameters(points.view(), rule).ok_or_else(no_length)?;
     if let Some(k) = (0..vertices.len()).find(|&k| shares[k] >= shares[k + 1]) {
-        let pair = [turn[k], turn[k + 1]].map(|v| v as u32);
-        let difference = &points.row(k + 1) - &points.row(k);
-        return Err(ParamError::ShortEdge { vertices: pair, length: difference.dot(&difference).sqrt() });
+        return Err(short_edge(disk, [turn[k], turn[k + 1]].map(|v| v as u32)));
     }
     Ok(vertices.into_iter().zip(shares).collect())
 }

@@ -30,6 +30,9 @@ const STIFFNESS: f64 = 1e-4;
 /// fewest sharp turns for about the same control points; 0 leaves two to four times as many.
 const BETWEEN: f64 = 0.3;
 
+/// The joint method of a fit in which all points have to be met; where some may be left out, without rounds of emphasis.
+pub const JOINT: JointOptions = JointOptions { stiffness: STIFFNESS, between: BETWEEN, ..JointOptions::DEFAULT };
+
 /// Share of the automatic smoothing weight that is tried where moving parameters miss the tolerance: the weight is judged at
 /// fixed parameters, whose errors call for more smoothing.
 const SOFTER: f64 = 0.1;
@@ -226,7 +229,7 @@ fn fixed_parameters(
     let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
     let sorted = solver.distances(&map)?.to_vec();
     Ok(Fitted {
-        errors: in_order_of_points(solver.points().order(), &sorted),
+        errors: solver.points().as_given(&sorted).into(),
         lambda: solver.lambda().unwrap_or(0.0),
         parameters: problem.parameters.to_owned(),
         failure: failure.map(|error| error.to_string()),
@@ -298,10 +301,9 @@ fn moving_method(
         })),
         Method::JPdm => moving_param::Method::JointLbfgs(Schedule::B),
         Method::Auto | Method::Joint => {
-            let usual = JointOptions::default();
             // More weight on the last few points outside the tolerance is for those who ask for all of them.
-            let emphasis = if options.within < 1.0 { 0 } else { usual.emphasis };
-            moving_param::Method::Joint(JointOptions { emphasis, stiffness: STIFFNESS, between: BETWEEN, ..usual })
+            let emphasis = if options.within < 1.0 { 0 } else { JOINT.emphasis };
+            moving_param::Method::Joint(JointOptions { emphasis, ..JOINT })
         }
     }))
 }
@@ -320,12 +322,6 @@ pub(crate) fn errors_at(
 fn largest_curvatures(points: ArrayView2<'_, f64>) -> Result<Vec<f64>, Error> {
     let frames = LocalFrames::estimate(points)?;
     Ok(frames.curvatures.outer_iter().map(|k| if k[0].abs() > k[1].abs() { k[0] } else { k[1] }).collect())
-}
-
-fn in_order_of_points(order: &[u32], sorted: &[f64]) -> Array1<f64> {
-    let mut values = Array1::zeros(sorted.len());
-    order.iter().zip(sorted).for_each(|(&i, &value)| values[i as usize] = value);
-    values
 }
 
 fn loop_options(options: &FitOptions, tolerance: f64, points: usize) -> adaptive::Options<2> {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-use crate::lab::Lab;
+use crate::lab::{Lab, table};
 
 /// Rings round the z axis, `i` round them; the last point of each is its first one again if `repeat`.
 fn tube_grid(repeat: bool) -> String {
@@ -94,13 +94,7 @@ fn a_grid_of_rings_becomes_a_tube() {
         let sides: Vec<&String> = report["result"]["sides"].as_object().unwrap().keys().collect();
         assert_eq!(sides, ["v_max", "v_min"]);
         lab.put("uv.csv", "u,v\n0,0.3\n1,0.3\n0,0.9\n1,0.9\n");
-        let values: Vec<Vec<f64>> = lab
-            .thb("eval t.json uv.csv")
-            .stdout
-            .lines()
-            .skip(1)
-            .map(|line| line.split(',').map(|x| x.parse().unwrap()).collect())
-            .collect();
+        let values = table(&lab.thb("eval t.json uv.csv").stdout);
         for pair in values.chunks(2) {
             assert!((2..5).all(|k| (pair[0][k] - pair[1][k]).abs() < 1e-12), "{pair:?}");
         }
@@ -142,13 +136,7 @@ fn clouds_and_meshes_of_tubes_are_laid_out_round() {
         // The wider end is v = 0; the seam ends on both.
         let ends = &layout["seam"]["points"];
         assert_eq!((ends[0][2].as_f64(), ends[1][2].as_f64()), (Some(0.0), Some(3.0)), "{ends}");
-        let rows: Vec<Vec<f64>> = lab
-            .thb("eval t.json uv.csv")
-            .stdout
-            .lines()
-            .skip(1)
-            .map(|line| line.split(',').map(|x| x.parse().unwrap()).collect())
-            .collect();
+        let rows = table(&lab.thb("eval t.json uv.csv").stdout);
         for k in 2..5 {
             assert!((rows[0][k] - rows[1][k]).abs() < 1e-12);
             // The same slope on both sides.
@@ -182,8 +170,7 @@ fn tubes_close_in_v_as_well_and_parameters_wrap() {
     lab.succeeds("param mesh.obj --closed v -o p.csv -o p.svg --report r.json");
     let report = lab.json("r.json");
     assert_eq!(report["parameterization"]["folded"], 0);
-    let rows: Vec<Vec<f64>> =
-        lab.text("p.csv").lines().skip(1).map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect();
+    let rows = table(&lab.text("p.csv"));
     assert_eq!(rows.len(), 40 * 25);
     assert!(rows.iter().all(|row| (0.0..=1.0).contains(&row[4]) && (0.0..1.0).contains(&row[5])));
     // u = 0 at the wide end below, 1 at the other.

@@ -127,6 +127,11 @@ impl Lab {
     }
 }
 
+/// Numbers of a table with one header line.
+pub(crate) fn table(text: &str) -> Vec<Vec<f64>> {
+    text.lines().skip(1).map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect()
+}
+
 fn relative(root: &Path, path: &Path) -> String {
     let parts: Vec<_> =
         path.strip_prefix(root).unwrap().iter().map(|part| part.to_string_lossy().into_owned()).collect();

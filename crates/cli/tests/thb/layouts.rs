@@ -1,6 +1,6 @@
 //! From raw clouds to parameters.
 
-use crate::lab::Lab;
+use crate::lab::{Lab, table};
 use crate::scans::{gridded, rows, scattered};
 
 /// Rows of the points nearest to the corners of the square, in the order in which they become (0,0), (1,0), (1,1), (0,1).
@@ -12,7 +12,7 @@ fn corner_rows(places: &[([f64; 2], bool)]) -> Vec<usize> {
 fn csv(lab: &Lab, name: &str) -> Vec<Vec<f64>> {
     let text = lab.text(name);
     assert!(text.starts_with("row,x,y,z,u,v,boundary\n"));
-    text.lines().skip(1).map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect()
+    table(&text)
 }
 
 #[test]

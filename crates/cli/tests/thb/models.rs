@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::lab::Lab;
+use crate::lab::{Lab, table};
 use crate::scans;
 
 /// A lab with a scan, a refined model of it and its report.
@@ -13,11 +13,6 @@ fn fitted() -> Lab {
     lab.succeeds("fit scan.off -o part.json --report report.json --tol 0.005% --method ls");
     assert!(lab.prints_json("info part.json")["levels"].as_u64().unwrap() > 1);
     lab
-}
-
-/// Numbers of a table with one header line.
-fn table(text: &str) -> Vec<Vec<f64>> {
-    text.lines().skip(1).map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect()
 }
 
 fn numbers(value: &Value) -> Vec<f64> {

@@ -63,9 +63,7 @@ impl<'a> CurveMethod<'a> {
     /// Distances at the present parameters, in the order of the points.
     pub(super) fn errors(&mut self, map: &SplineMap<1>) -> Result<Array1<f64>, fit_ls::Error> {
         let sorted = self.fixed.distances(map)?.to_vec();
-        let mut errors = Array1::zeros(sorted.len());
-        self.fixed.points().order().iter().zip(sorted).for_each(|(&i, e)| errors[i as usize] = e);
-        Ok(errors)
+        Ok(self.fixed.points().as_given(&sorted).into())
     }
 
     /// The end coefficients, where the first and the last point are kept.

@@ -66,12 +66,7 @@ pub(super) fn of_cloud(
     layout.seam = layout.seam.map(|seam| seam.map(of_cloud));
     (layout.points, layout.parameters) = (cloud.points.clone(), parameters);
     layout.rows = (0..points.nrows() as u32).collect();
-    layout.method = match layout.method {
-        "periodic uniform" => "spanned mesh, periodic uniform",
-        "periodic uniform, evened" => "spanned mesh, periodic uniform, evened",
-        "periodic mean-value" => "spanned mesh, periodic mean-value",
-        _ => "spanned mesh, periodic mean-value, evened",
-    };
+    layout.method = name(true, choice, layout.refined);
     (layout.spacing, layout.noise) = (Some(spacing), Some(noise));
     if squeeze > 1.0 {
         layout.warnings.push(format!(
@@ -94,6 +89,20 @@ pub(super) fn of_cloud(
             .push(format!("{} points are more than {stray:.4e} off the surface, and were left out", far.len()));
     }
     Ok(layout)
+}
+
+/// What the report calls a layout: whether its mesh was spanned over a cloud, its weights, and whether its stretch was evened.
+fn name(spanned: bool, choice: ParameterChoice, evened: bool) -> &'static str {
+    match (spanned, choice == ParameterChoice::Uniform, evened) {
+        (false, true, false) => "periodic uniform",
+        (false, true, true) => "periodic uniform, evened",
+        (false, false, false) => "periodic mean-value",
+        (false, false, true) => "periodic mean-value, evened",
+        (true, true, false) => "spanned mesh, periodic uniform",
+        (true, true, true) => "spanned mesh, periodic uniform, evened",
+        (true, false, false) => "spanned mesh, periodic mean-value",
+        (true, false, true) => "spanned mesh, periodic mean-value, evened",
+    }
 }
 
 /// A tube spanned over a cloud, its triangles counter-clockwise from outside.
@@ -202,12 +211,7 @@ pub(super) fn of_mesh(
         rims: ends.holes.iter().map(|rim| rim.vertices.clone()).collect(),
         seam: Some(seam),
         refined: report.rounds > 0,
-        method: match (uniform, report.rounds > 0) {
-            (true, false) => "periodic uniform",
-            (true, true) => "periodic uniform, evened",
-            (false, false) => "periodic mean-value",
-            (false, true) => "periodic mean-value, evened",
-        },
+        method: name(false, choice, report.rounds > 0),
         warnings,
         ..Layout::default()
     })

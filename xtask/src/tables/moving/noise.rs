@@ -5,6 +5,7 @@ use moving_param::{Blend, Distance, JointOptions, Method, SquareMapOptions};
 use ndarray::Array2;
 use point_cloud::BoundingBox;
 use rand::RngExt;
+use reconstruct::JOINT;
 use std::sync::Arc;
 use thb_core::{ClosestPoints, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
@@ -28,17 +29,6 @@ const WARP: f64 = 0.16;
 
 /// Tolerance where there is no noise, as a share of the diagonal.
 const EXACT: f64 = 1e-5;
-
-/// The springs and the weight of centres between points that the command line's `joint` has.
-const HELD: JointOptions = JointOptions {
-    max_steps: 10,
-    decrease: 3e-2,
-    polish: 2,
-    emphasis: 2,
-    stiffness: 1e-4,
-    between: 0.3,
-    regularity: 100.0,
-};
 
 /// The map of the square with `per_side`² control points.
 pub(super) fn by_map(per_side: usize) -> Method {
@@ -111,7 +101,7 @@ pub(super) fn section(log: &mut dyn FnMut(&str)) -> Result<String> {
         ("A-PDM, 10", alternating(Distance::Point)),
         ("A-HDM, 10, γ = 1e-2", alternating(Distance::Hybrid(Blend::Constant(1e-2)))),
         ("joint, plain", Some(Method::Joint(JointOptions::default()))),
-        ("joint, as shipped", Some(Method::Joint(HELD))),
+        ("joint, as shipped", Some(Method::Joint(JOINT))),
         ("map, 6 × 6", Some(by_map(6))),
         ("map, 8 × 8", Some(by_map(8))),
         ("map, 10 × 10", Some(by_map(10))),

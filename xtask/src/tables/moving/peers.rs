@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use moving_param::{Boundary, Distance, JointOptions, Method, Schedule};
-use reconstruct::{FitOptions, Tolerance, fit_file};
+use reconstruct::{FitOptions, JOINT, Tolerance, fit_file};
 
 use super::super::markdown::{figure, table};
 use super::super::qi::Clock;
@@ -70,17 +70,8 @@ const SHEET: (usize, f64, f64) = (3412, 5.5e-3, 6.9);
 /// CPU seconds that it may take here.
 const SHEET_SECONDS: f64 = 0.5;
 
-/// The joint method without its penalty on folds; the stiffness of springs that the command line has.
-const MAY_FOLD: JointOptions = JointOptions {
-    max_steps: 10,
-    decrease: 3e-2,
-    polish: 2,
-    emphasis: 2,
-    stiffness: 0.0,
-    between: 0.0,
-    regularity: 0.0,
-};
-const STIFFNESS: f64 = 1e-4;
+/// The joint method without its penalty on folds.
+const MAY_FOLD: JointOptions = JointOptions { regularity: 0.0, ..JointOptions::DEFAULT };
 
 /// Shares of G+Smo's best control points and of its time that ours should stay below.
 const FEWER: f64 = 0.75;
@@ -171,7 +162,7 @@ pub(super) fn against_gismo(data: &Path, asked: &mut Asked, log: &mut dyn FnMut(
             false,
         ),
         ("joint", Method::Joint(JointOptions::default()), true),
-        ("joint, springs, may fold", Method::Joint(JointOptions { stiffness: STIFFNESS, ..MAY_FOLD }), true),
+        ("joint, springs, may fold", Method::Joint(JointOptions { stiffness: JOINT.stiffness, ..MAY_FOLD }), true),
     ] {
         let run = Run::of(name, &cloud, Some(method), &Settings { guard, ..settings.clone() })?;
         let deviation = run.deviation();

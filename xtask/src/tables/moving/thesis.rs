@@ -26,19 +26,11 @@ const GAMMA: [f64; 2] = [1e-2, 1.0 / 3.0];
 /// Most control points on Nefertiti: those of the smallest model of the text.
 const MOST: usize = 2116;
 
-/// Steps of the joint method that are enough to converge from a very coarse first mesh.
 /// A smoothing weight that does not hold the surface away from points by more than 1e-5.
 const SOFT: f64 = 1e-11;
 
-const PATIENT: JointOptions = JointOptions {
-    max_steps: 40,
-    decrease: 1e-3,
-    polish: 2,
-    emphasis: 2,
-    stiffness: 0.0,
-    between: 0.0,
-    regularity: 100.0,
-};
+/// Steps of the joint method that are enough to converge from a very coarse first mesh.
+const PATIENT: JointOptions = JointOptions { max_steps: 40, decrease: 1e-3, ..JointOptions::DEFAULT };
 
 /// All runs.
 pub(super) struct Study {
