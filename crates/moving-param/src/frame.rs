@@ -89,7 +89,8 @@ impl<const D: usize> Frame<D> {
         self.step_against(residual, &self.pull, damping, free)
     }
 
-    fn step_against(&self, residual: &Vector, pull: &[f64; D], damping: f64, free: [bool; D]) -> [f64; D] {
+    /// The same with another force of the spring.
+    pub(crate) fn step_against(&self, residual: &Vector, pull: &[f64; D], damping: f64, free: [bool; D]) -> [f64; D] {
         let metric = self.metric();
         let mut matrix = metric;
         (0..D).for_each(|a| matrix[a][a] += self.stiffness[a]);

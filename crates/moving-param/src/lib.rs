@@ -70,6 +70,7 @@ mod regularity;
 mod samples;
 mod square_map;
 mod system;
+mod unknowns;
 
 pub use constraint::{Boundary, Constraints};
 pub use descent::Descent;

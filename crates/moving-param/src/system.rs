@@ -9,6 +9,9 @@ use thb_core::{CellSpace, HierarchicalSpace, SplineMap, SymmetricMatrix, Symmetr
 use crate::Error;
 use crate::frame::{Columns, Frame};
 
+/// What is added to a diagonal, as shares of its mean, until a matrix is positive definite that unknowns are measured with.
+const SHIFTS: [f64; 4] = [0.0, 1e-10, 1e-6, 1.0];
+
 /// Equations of steps of the coefficients in one space, `N n` unknowns.
 #[derive(Debug)]
 pub(crate) struct StepSystem {
@@ -95,6 +98,20 @@ impl StepSystem {
         let functions = self.energy.pattern().n();
         let Some(solution) = solve(&mut self.solver, &matrix, &flat, functions)? else { return Ok(None) };
         Ok(Some(Array2::from_shape_fn(right.raw_dim(), |(j, k)| solution[[j * self.dim + k, 0]])))
+    }
+
+    /// The matrix of a step, factorized; where points and smoothing leave it singular, with a little more on its diagonal.
+    pub(crate) fn factorized(mut self, equations: &BlockEquations) -> Result<Cholesky, Error> {
+        let mut matrix = SymmetricMatrix::from_blocks(&self.blocked, &equations.matrices, self.dim)?;
+        let mean = matrix.trace() / self.blocked.n() as f64;
+        for shift in SHIFTS {
+            let values = matrix.values_mut();
+            self.blocked.columns()[..self.blocked.n()].iter().for_each(|&first| values[first] += shift * mean);
+            if self.solver.factorize(&matrix).is_ok() {
+                return Ok(self.solver);
+            }
+        }
+        Err(Error::Minimization { reason: FactorizationError::NotPositiveDefinite.to_string() })
     }
 
     /// The step of the boundary's coefficients that fits the points of the boundary in the sense of point distances

@@ -33,8 +33,11 @@ use crate::synthetic::stream;
 /// Steps of linear warm-up of the rate.
 const RATE_WARM_UP: f64 = 500.0;
 
-/// The rate ends at this share of its peak.
+/// The lowest rate, as a share of its peak.
 const LAST_RATE: f64 = 0.01;
+
+/// Share of the run at its end that has the lowest rate: what still falls there does not fall because the rate does.
+const FLAT_SHARE: f64 = 0.2;
 
 /// Share of the run over which the distance from the true parameters fades out of the loss. Without it the error of the
 /// fit alone has a local minimum with mirrored interior parameters, in which training stays.
@@ -106,9 +109,10 @@ pub(crate) fn initial_weights(slots: &[Slot], seed: u64) -> Vec<f32> {
     theta
 }
 
-/// The learning rate: a linear warm-up, then half a cosine down to a small share `last` of the peak.
+/// The learning rate: a linear warm-up, then half a cosine down to a small share `last` of the peak, which it keeps.
 fn cosine_rate(peak: f64, last: f64, step: u64, progress: f64) -> f64 {
-    let cosine = last + (1.0 - last) * 0.5 * (1.0 + (PI * progress).cos());
+    let falling = (progress / (1.0 - FLAT_SHARE)).min(1.0);
+    let cosine = last + (1.0 - last) * 0.5 * (1.0 + (PI * falling).cos());
     peak * cosine * (((step + 1) as f64) / RATE_WARM_UP).min(1.0)
 }
 
