@@ -155,9 +155,9 @@ pub(crate) struct FitArgs {
     /// Degree, for both directions or as U,V; 1 to 8.
     #[arg(long, default_value_t = FitOptions::default().degree, help_heading = "What is fitted")]
     degree: Pair,
-    /// Elements of the coarsest level, as 8 or 8x4.
-    #[arg(long, default_value_t = FitOptions::default().mesh, help_heading = "What is fitted")]
-    mesh: Pair,
+    /// Elements of the coarsest level, as 8 or 8x4. [default: 4, in closed directions 8]
+    #[arg(long, help_heading = "What is fitted")]
+    mesh: Option<Pair>,
     /// Smoothing weight: auto (by error on held-out points, within the tolerance), gcv (generalized cross-validation, for
     /// noise of unknown size), discrepancy:SIGMA (as large as the root mean squared distance SIGMA of the points from the
     /// true surface allows; a length or a percentage of the diagonal), or a number. It multiplies the thin-plate energy G in

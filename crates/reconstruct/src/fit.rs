@@ -194,21 +194,21 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
 }
 
 fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[KnotVector; 2], Error> {
-    let mut knots = Vec::with_capacity(2);
-    let closed = options.parameters.closed.directions();
-    for d in 0..2 {
-        let (degree, elements) = (options.degree.0[d], options.mesh.0[d]);
-        let uniform = match closed[d] {
-            true => KnotVector::uniform_periodic(degree, elements)?,
-            false => KnotVector::uniform(degree, elements)?,
-        };
-        knots.push(match options.parameters.domain {
+    let (elements, closed) = (options.elements(), options.parameters.closed.directions());
+    let knots = |d: usize| -> Result<KnotVector, Error> {
+        let uniform = uniform_knots(options.degree.0[d], elements[d], closed[d])?;
+        Ok(match options.parameters.domain {
             Domain::Unit => uniform,
             Domain::Data => {
                 let (lower, upper) = extent(parameters.column(d));
                 uniform.on_interval(lower, upper)?
             }
-        });
-    }
-    Ok([knots[0].clone(), knots[1].clone()])
+        })
+    };
+    Ok([knots(0)?, knots(1)?])
+}
+
+/// Even knots over the unit interval.
+pub(crate) fn uniform_knots(degree: usize, elements: usize, closed: bool) -> Result<KnotVector, Error> {
+    Ok(if closed { KnotVector::uniform_periodic(degree, elements)? } else { KnotVector::uniform(degree, elements)? })
 }

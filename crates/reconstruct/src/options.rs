@@ -32,8 +32,8 @@ pub struct FitOptions {
     pub quasi: QuasiOptions,
     /// Degree per direction.
     pub degree: Pair,
-    /// Elements of level 0 per direction.
-    pub mesh: Pair,
+    /// Elements of level 0 per direction; 4 if not given, and 8 in closed directions.
+    pub mesh: Option<Pair>,
     /// Robust losses and markers.
     #[serde(flatten)]
     pub reweighting: ReweightingOptions,
@@ -82,7 +82,7 @@ impl Default for FitOptions {
             boundary: BoundaryChoice::Kept,
             quasi: QuasiOptions::default(),
             degree: Pair([3, 3]),
-            mesh: Pair([4, 4]),
+            mesh: None,
             reweighting: ReweightingOptions::default(),
             lambda: LambdaChoice::Auto,
             tol: Tolerance::Percent(0.1),
@@ -103,7 +103,22 @@ impl Default for FitOptions {
     }
 }
 
+/// Elements of level 0 in a direction: so few that smooth scans need no more, and most of the way is left to refinement.
+const ELEMENTS: usize = 4;
+
+/// The same in a closed one. Four bend a section to the shape of a bean at best, and parameters that move with it fold the
+/// ends of tubes over.
+const ELEMENTS_ROUND: usize = 8;
+
 impl FitOptions {
+    /// Elements of level 0 per direction.
+    pub fn elements(&self) -> [usize; 2] {
+        let closed = self.parameters.closed.directions();
+        // Round a closed direction no function may meet itself.
+        let usual = |d: usize| if closed[d] { ELEMENTS_ROUND.max(self.degree.0[d] + 1) } else { ELEMENTS };
+        self.mesh.map_or([usual(0), usual(1)], |given| given.0)
+    }
+
     /// The extension of a marked region, in cells of the next level.
     pub fn extension(&self) -> [usize; 2] {
         self.extension.map_or(self.degree.0.map(|p| p / 2), |given| given.0)
@@ -119,11 +134,12 @@ impl FitOptions {
         self.reweighting.check(self.method)?;
         let degrees = self.degree.0.iter().all(|p| (1..=MAX_DEGREE).contains(p));
         range("--degree", self.degree.to_string(), "1 to 8", degrees)?;
+        let elements = self.elements();
         range(
             "--mesh",
-            self.mesh.to_string(),
+            Pair(elements).to_string(),
             "1 to 4096 elements",
-            self.mesh.0.iter().all(|n| (1..=4096).contains(n)),
+            elements.iter().all(|n| (1..=4096).contains(n)),
         )?;
         range("--within", self.within.to_string(), "0 to 1", (0.0..=1.0).contains(&self.within))?;
         range("--levels", self.levels.to_string(), "1 to 16", (1..=MAX_LEVELS).contains(&self.levels))?;

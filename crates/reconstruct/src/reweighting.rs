@@ -14,6 +14,7 @@ use point_cloud::{BoundingBox, LocalFrames};
 use serde::Serialize;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 
+use crate::fit::uniform_knots;
 use crate::fitting::{Fitted, Problem, least_squares_options};
 use crate::options::{Method, ParseOptionError, parse_error, range, serialize_as_typed};
 use crate::{Error, FitOptions, Tolerance};
@@ -319,16 +320,11 @@ fn sharp(problem: &Problem<'_>, gross: &[usize]) -> Result<Vec<bool>, Error> {
 /// Markers by a first fit, and of type I also where the surface turns sharply.
 fn find_markers(problem: &Problem<'_>, space: &HierarchicalSpace<2>, options: &FitOptions) -> Result<Markers, Error> {
     let (lower, upper) = space.domain();
-    let mut knots = Vec::with_capacity(2);
-    for d in 0..2 {
-        let (degree, elements) = (options.degree.0[d], options.mesh.0[d].max(DETECTION_ELEMENTS));
-        let uniform = match space.periodic()[d] {
-            true => KnotVector::uniform_periodic(degree, elements)?,
-            false => KnotVector::uniform(degree, elements)?,
-        };
-        knots.push(uniform.on_interval(lower[d], upper[d])?);
-    }
-    let first = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots[0].clone(), knots[1].clone()])?);
+    let knots = |d: usize| -> Result<KnotVector, Error> {
+        let elements = options.elements()[d].max(DETECTION_ELEMENTS);
+        Ok(uniform_knots(options.degree.0[d], elements, space.periodic()[d])?.on_interval(lower[d], upper[d])?)
+    };
+    let first = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots(0)?, knots(1)?])?);
     let detection = Detection { threshold: problem.tolerance, standing_out: true, outliers: true };
     let fitting = least_squares_options(problem, options);
     let Problem { points, parameters, weights, .. } = *problem;
