@@ -40,22 +40,25 @@ impl BlockEquations {
             check("rows of weights and right-hand sides", column.len(), points.len())?;
         }
         let terms = Terms { parameters: &points.parameters, factors: weights, columns: right, weights: None };
-        let mut equations = Self {
-            matrices: vec![SymmetricMatrix::zeros(pattern); weights.len()],
-            right: Array2::zeros((pattern.n(), n)),
-        };
+        let count = weights.len();
+        let mut matrices = vec![SymmetricMatrix::zeros(pattern); count];
+        let mut values: Vec<&mut [f64]> = matrices.iter_mut().map(SymmetricMatrix::values_mut).collect();
+        let mut sums = Array2::zeros((pattern.n(), n));
         let expansion = Expansion::new(space.degree());
         for first in (0..space.n_cells()).step_by(BATCH) {
             let cells = first..(first + BATCH).min(space.n_cells());
             for local in cell_equations(space, points.offsets(), terms, cells, &expansion) {
                 let functions = space.cell(local.cell).functions;
-                for (matrix, part) in equations.matrices.iter_mut().zip(&local.matrices) {
-                    matrix.add_cell(functions, part);
-                }
-                local.add_right(space, &mut equations.right);
+                let n_active = functions.len();
+                pattern.for_each_entry(functions, |place, i, j| {
+                    for (m, values) in values.iter_mut().enumerate() {
+                        values[place] += local.matrices[(i * count + m) * n_active + j];
+                    }
+                });
+                local.add_right(space, &mut sums);
             }
         }
-        Ok(equations)
+        Ok(Self { matrices, right: sums })
     }
 
     /// Adds the equations of further points in the same space.

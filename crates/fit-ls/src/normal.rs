@@ -62,7 +62,7 @@ impl NormalEquations {
         expansion: &Expansion,
     ) {
         for local in cell_equations(space, points.offsets(), Terms::of(points), cells, expansion) {
-            self.matrix.add_cell(space.cell(local.cell).functions, &local.matrices[0]);
+            self.matrix.add_cell(space.cell(local.cell).functions, &local.matrices);
             local.add_right(space, &mut self.right);
         }
     }
@@ -84,8 +84,8 @@ impl NormalEquations {
 /// Equations of one cell in its functions.
 pub(crate) struct CellEquations {
     pub(crate) cell: usize,
-    /// `(n_active, n_active)` each.
-    pub(crate) matrices: Vec<Vec<f64>>,
+    /// The matrices, row beside row: `(n_active, count, n_active)`.
+    pub(crate) matrices: Vec<f64>,
     /// `(n_active, N)`.
     right: Vec<f64>,
 }
@@ -118,16 +118,11 @@ pub(crate) fn cell_equations<const D: usize, S: CellSpace<D>>(
         .into_par_iter()
         .map_init(Vec::new, |scratch, (number, sums)| {
             let cell = space.cell(number);
-            let per_matrix = sums.moments.len() / matrices;
-            let matrices = sums.moments.chunks_exact(per_matrix).map(|moments| {
-                let mut matrix = expansion.matrix(moments);
-                cell.pull_back_symmetric(&mut matrix, scratch);
-                matrix
-            });
-            let matrices = matrices.collect();
+            let mut local = expansion.matrices(&sums.moments, matrices);
+            cell.pull_back_symmetric(&mut local, matrices, scratch);
             let mut right = sums.right;
             cell.pull_back(&mut right, n, scratch);
-            CellEquations { cell: number, matrices, right }
+            CellEquations { cell: number, matrices: local, right }
         })
         .collect()
 }
@@ -224,8 +219,16 @@ impl Expansion {
         Self { entries: (0..n_local * n_local).map(entry).collect() }
     }
 
-    /// The matrix `Σ ω B Bᵀ`, `(n_local, n_local)`.
-    fn matrix(&self, moments: &[f64]) -> Vec<f64> {
-        self.entries.iter().map(|&(moment, factor)| factor * moments[moment]).collect()
+    /// The matrices `Σ ω B Bᵀ` of `count` factors ω, row beside row, `(n_local, count, n_local)`.
+    fn matrices(&self, moments: &[f64], count: usize) -> Vec<f64> {
+        let n_local = self.entries.len().isqrt();
+        let per_matrix = moments.len() / count;
+        let mut matrices = Vec::with_capacity(self.entries.len() * count);
+        for entries in self.entries.chunks_exact(n_local) {
+            for moments in moments.chunks_exact(per_matrix) {
+                matrices.extend(entries.iter().map(|&(moment, factor)| factor * moments[moment]));
+            }
+        }
+        matrices
     }
 }

@@ -85,7 +85,7 @@ impl<const D: usize> ThinPlate<D> {
         out.clear();
         out.resize(cell.n_local().pow(2), 0.0);
         self.add_bernstein_matrix(cell.size(), 1.0, out);
-        cell.pull_back_symmetric(out, scratch);
+        cell.pull_back_symmetric(out, 1, scratch);
     }
 
     /// The Gram matrix G of the energy in a space: `J(s) = Σ_k c_kᵀ G c_k` over the components of the coefficients.

@@ -148,37 +148,58 @@ impl<const D: usize> Cell<'_, D> {
         }
     }
 
-    /// Turns a symmetric matrix in the Bernstein basis, `(n_local, n_local)`, into the one of the cell's functions,
-    /// `(n_active, n_active)`: the congruence with extraction and Bézier matrices.
-    pub fn pull_back_symmetric(&self, bernstein: &mut Vec<f64>, scratch: &mut Vec<f64>) {
+    /// Turns symmetric matrices in the Bernstein basis into those of the cell's functions: the congruence with extraction and
+    /// Bézier matrices. They lie row beside row, `(n_local, count, n_local)`, and so does the result,
+    /// `(n_active, count, n_active)`.
+    pub fn pull_back_symmetric(&self, bernstein: &mut Vec<f64>, count: usize, scratch: &mut Vec<f64>) {
         let (n_local, n_active) = (self.n_local(), self.functions.len());
-        self.pull_back(bernstein, n_local, scratch);
-        transpose(bernstein, n_active, n_local, scratch);
-        self.pull_back(bernstein, n_active, scratch);
+        self.pull_back(bernstein, count * n_local, scratch);
+        swap_ends(bernstein, [n_active, count, n_local], scratch);
+        self.pull_back(bernstein, count * n_active, scratch);
     }
 }
 
 /// Rows of `columns` numbers, combined with a matrix that has a row per target and a column per source.
 ///
-/// PERF: whole rows, so that the compiler uses vectors, and without the many zeros of Bézier and extraction matrices.
+/// PERF: whole rows with the widest vectors of the machine, and without the many zeros of Bézier and extraction matrices.
 fn combine(matrix: &[f64], source: &[f64], target: &mut [f64], columns: usize) {
-    let n_source = source.len() / columns;
-    for (target, weights) in target.chunks_exact_mut(columns).zip(matrix.chunks_exact(n_source)) {
-        target.fill(0.0);
-        for (source, &weight) in source.chunks_exact(columns).zip(weights) {
-            if weight != 0.0 {
-                target.iter_mut().zip(source).for_each(|(t, s)| *t += weight * s);
+    pulp::Arch::new().dispatch(Combination { matrix, source, target, columns });
+}
+
+struct Combination<'a> {
+    matrix: &'a [f64],
+    source: &'a [f64],
+    target: &'a mut [f64],
+    columns: usize,
+}
+
+impl pulp::WithSimd for Combination<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { matrix, source, target, columns } = self;
+        let n_source = source.len() / columns;
+        for (target, weights) in target.chunks_exact_mut(columns).zip(matrix.chunks_exact(n_source)) {
+            target.fill(0.0);
+            for (source, &weight) in source.chunks_exact(columns).zip(weights) {
+                if weight != 0.0 {
+                    target.iter_mut().zip(source).for_each(|(t, s)| *t += weight * s);
+                }
             }
         }
     }
 }
 
-fn transpose(matrix: &mut Vec<f64>, rows: usize, columns: usize, scratch: &mut Vec<f64>) {
+/// Swaps the first and the last index of an array.
+fn swap_ends(array: &mut Vec<f64>, [first, count, last]: [usize; 3], scratch: &mut Vec<f64>) {
     scratch.clear();
-    for j in 0..columns {
-        scratch.extend((0..rows).map(|i| matrix[i * columns + j]));
+    for j in 0..last {
+        for m in 0..count {
+            scratch.extend((0..first).map(|i| array[(i * count + m) * last + j]));
+        }
     }
-    std::mem::swap(matrix, scratch);
+    std::mem::swap(array, scratch);
 }
 
 /// Calls `line(start, stride, order)` for each line along direction `d` of an array with `∏(p_d + 1)` rows (first

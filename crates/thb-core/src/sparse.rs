@@ -70,6 +70,19 @@ impl SymmetricPattern {
 }
 
 impl SymmetricPattern {
+    /// Calls `entry(place, i, j)` for the entries i ≥ j of a cell's matrix, with their places among the values; `functions`
+    /// increasing and part of the pattern.
+    pub fn for_each_entry(&self, functions: &[u32], mut entry: impl FnMut(usize, usize, usize)) {
+        for (j, &column) in functions.iter().enumerate() {
+            let range = self.columns[column as usize]..self.columns[column as usize + 1];
+            let (rows, mut at) = (&self.rows[range.clone()], 0);
+            for (i, &row) in functions.iter().enumerate().skip(j) {
+                at += rows[at..].iter().take_while(|&&r| r < row as usize).count();
+                entry(range.start + at, i, j);
+            }
+        }
+    }
+
     /// The pattern in which each entry is a dense block of `size` rows and columns: unknown `k` of function `j` has the
     /// number `j · size + k`.
     pub fn blocked(&self, size: usize) -> Self {
@@ -119,16 +132,7 @@ impl SymmetricMatrix {
     /// Adds a cell's matrix, `(n_active, n_active)` row-major; `functions` increasing and part of the pattern.
     pub fn add_cell(&mut self, functions: &[u32], matrix: &[f64]) {
         let n_active = functions.len();
-        for (j, &column) in functions.iter().enumerate() {
-            let range = self.pattern.columns[column as usize]..self.pattern.columns[column as usize + 1];
-            let rows = &self.pattern.rows[range.clone()];
-            let values = &mut self.values[range];
-            let mut at = 0;
-            for (i, &row) in functions.iter().enumerate().skip(j) {
-                at += rows[at..].iter().take_while(|&&r| r < row as usize).count();
-                values[at] += matrix[i * n_active + j];
-            }
-        }
+        self.pattern.clone().for_each_entry(functions, |place, i, j| self.values[place] += matrix[i * n_active + j]);
     }
 
     /// The matrix of [`SymmetricPattern::blocked`] whose block of functions i and j has the entries `parts[a][b]` of i and j,
