@@ -4,8 +4,11 @@ use ndarray::Array2;
 use thb_core::{CellSpace, SymmetricMatrix, SymmetricPattern};
 
 use crate::kernel::Terms;
-use crate::normal::{BATCH, Expansion, cell_equations};
+use crate::normal::{Expansion, cell_equations};
 use crate::{Error, SortedPoints};
+
+/// Cells whose local matrices are held in memory at a time: so few that one batch gets the memory of the one before.
+const BATCH: usize = 256;
 
 /// `Σ_i B(u_i) B(u_i)ᵀ ⊗ W_i` and `Σ_i B(u_i) ⊗ q_i` for symmetric `N × N` matrices `W_i` and vectors `q_i`: the equations
 /// of distances to tangent planes, and what remains of a joint problem once the parameters are eliminated.
