@@ -124,6 +124,7 @@ pub(super) fn against_gismo(data: &Path, asked: &mut Asked, log: &mut dyn FnMut(
         for (name, method) in [
             ("joint", Method::Joint(JointOptions::default())),
             ("joint, 3 steps, may fold", Method::Joint(JointOptions { max_steps: 3, ..MAY_FOLD })),
+            ("joint, 6 steps, may fold", Method::Joint(JointOptions { max_steps: 6, ..MAY_FOLD })),
             ("joint, may fold", Method::Joint(MAY_FOLD)),
             ("joint, 20 steps, may fold", Method::Joint(JointOptions { max_steps: 20, ..MAY_FOLD })),
             ("map, 10 × 10", by_map(10)),
