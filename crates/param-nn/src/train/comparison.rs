@@ -115,7 +115,7 @@ mod tests {
                 .sum()
         };
         let train = |steps| Comparison::train(ComparisonNetwork::Mlp, 2, (steps, 16), 2e-3, 1).unwrap();
-        let (before, after) = (train(0), train(300));
+        let (before, after) = (train(0), train(400));
         assert!(error(&after) < 0.5 * error(&before), "{} {}", error(&after), error(&before));
         let long = spec(20).sample(&mut stream(9, 99)).unwrap().points;
         let u = after.predict(long.view(), 1).unwrap();
