@@ -5,6 +5,10 @@
 
 use std::sync::Arc;
 
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::llt::{factor, solve};
+use faer::reborrow::{Reborrow, ReborrowMut};
+use faer::{MatMut, Par};
 use fit_ls::{Cholesky, FactorizationError, NormalEquations, SortedPoints};
 use ndarray::Array2;
 use rayon::prelude::*;
@@ -336,26 +340,17 @@ impl Reduced {
             // Unknowns without points near them stay where they are.
             factor[k * n + k] += damping * self.scale[k].max(f64::EPSILON * largest);
         }
-        for i in 0..n {
-            for j in 0..=i {
-                let (above, row) = factor.split_at(i * n);
-                let pivot = if j < i { &above[j * n..j * n + j] } else { &row[..i] };
-                let rest = row[j] - row[..j].iter().zip(pivot).map(|(a, b)| a * b).sum::<f64>();
-                if i == j && (rest <= 0.0 || rest.is_nan()) {
-                    return None;
-                }
-                factor[i * n + j] = if i == j { rest.sqrt() } else { rest / factor[j * n + j] };
-            }
-        }
+        let scratch = StackReq::any_of(&[
+            factor::cholesky_in_place_scratch::<f64>(n, Par::Seq, Default::default()),
+            solve::solve_in_place_scratch::<f64>(n, 1, Par::Seq),
+        ]);
+        let mut memory = MemBuffer::try_new(scratch).ok()?;
+        let mut factor = MatMut::from_row_major_slice_mut(&mut factor, n, n);
+        let stack = MemStack::new(&mut memory);
+        factor::cholesky_in_place(factor.rb_mut(), Default::default(), Par::Seq, stack, Default::default()).ok()?;
         let mut x: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
-        for i in 0..n {
-            let known: f64 = (0..i).map(|k| factor[i * n + k] * x[k]).sum();
-            x[i] = (x[i] - known) / factor[i * n + i];
-        }
-        for i in (0..n).rev() {
-            let known: f64 = (i + 1..n).map(|k| factor[k * n + i] * x[k]).sum();
-            x[i] = (x[i] - known) / factor[i * n + i];
-        }
+        let right = MatMut::from_column_major_slice_mut(&mut x, n, 1);
+        solve::solve_in_place(factor.rb(), right, Par::Seq, stack);
         x.iter().all(|x| x.is_finite()).then_some(x)
     }
 }
