@@ -18,7 +18,8 @@ use crate::graph::Neighbours;
 /// Version of the weights' format; others are refused.
 const VERSION: &str = "1";
 
-/// Most points that are read at once: the graphs compare all pairs of points, and time grows with the square.
+/// Most points that are read at once: where features are alike without being equal, the graphs compare all pairs of them,
+/// and time grows with the square.
 pub const LARGEST_CLOUD: usize = 10_000;
 
 /// How a network reads a cloud.
@@ -190,7 +191,7 @@ impl Bidgcn {
         let all: Vec<Symmetry> = symmetries.all().collect();
         let mut memory = Memory::default();
         let (own, graphs) = inference.logits(all[0], None, &mut memory);
-        // PERF: finding graphs is most of the work; with graphs of their own the images give the same errors within 0.5 %.
+        // PERF: finding graphs takes longer than the layers; with graphs of their own the images give the same errors within 0.5 %.
         let free = Mutex::new(vec![memory]);
         let one = |symmetry: &Symmetry| {
             let taken = free.lock().unwrap_or_else(PoisonError::into_inner).pop();

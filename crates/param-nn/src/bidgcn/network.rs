@@ -149,7 +149,7 @@ pub(crate) fn forward<T: Real>(
 /// The graph of a hidden layer.
 pub(super) fn feature_graph<T: Real>(x: &[T], neighbours: Neighbours) -> Graph {
     let (radius, cap) = reach(neighbours);
-    let features: Vec<f32> = x.iter().map(|x| x.to_f64() as f32).collect();
+    let features = T::singles(x);
     radius_graph(&features, &features, WIDTH, radius, cap, true)
 }
 

@@ -11,6 +11,9 @@ use crate::real::{matrix, product, vectorized};
 /// Queries that share their candidates: two leaves.
 const BLOCK: usize = 2 * LEAF;
 
+/// So many rows are compared with all: putting them in order would take as long.
+const FEW: usize = 512;
+
 /// Bound of the round-off of a squared distance formed from squares, relative to the largest square. Leaves are left out
 /// only where they are farther by more, so that leaving them out changes nothing.
 const ROUND_OFF: f32 = 1e-5;
@@ -25,10 +28,10 @@ const ROUND_OFF: f32 = 1e-5;
 pub(crate) fn radius_graph(queries: &[f32], points: &[f32], width: usize, radius: f32, cap: usize, own: bool) -> Graph {
     let (queries, points) = reduced(if own { &[] } else { queries }, points, width);
     let groups = Groups::equal(&points);
-    let points = Sorted::new(&groups.representatives(&points));
+    let points = Sorted::new(groups.representatives(points));
     let weights: Vec<u32> = points.ids.iter().map(|&id| groups.members(id).len().min(cap) as u32).collect();
-    let others = (!own).then(|| (Sorted::new(&queries), (0..queries.count() as u32).collect::<Vec<_>>()));
-    let (asked, of) = others.as_ref().map_or((&points, &groups.of), |(asked, of)| (asked, of));
+    let others = (!own).then(|| ((0..queries.count() as u32).collect::<Vec<_>>(), Sorted::new(queries)));
+    let (asked, of) = others.as_ref().map_or((&points, &groups.of), |(of, asked)| (asked, of));
     let search = Search {
         balls: Balls::new(&points.rows, LEAF),
         ball_weights: weights.chunks(LEAF).map(|run| run.iter().sum()).collect(),
@@ -54,7 +57,9 @@ pub(crate) fn radius_graph(queries: &[f32], points: &[f32], width: usize, radius
             start += count as usize;
         }
     }
-    let (mut starts, mut sources) = (vec![0], Vec::new());
+    let mut starts = Vec::with_capacity(of.len() + 1);
+    let mut sources = Vec::with_capacity(of.iter().map(|&id| places[id as usize].1.len()).sum());
+    starts.push(0);
     for &id in of {
         let (block, range) = &places[id as usize];
         sources.extend_from_slice(&found[*block].1[range.clone()]);
@@ -72,9 +77,15 @@ struct Sorted {
 }
 
 impl Sorted {
-    fn new(rows: &Rows) -> Self {
-        let ids = order(rows);
-        let rows = rows.select(ids.iter().copied());
+    fn new(rows: Rows) -> Self {
+        let (ids, rows) = match rows.count() > FEW {
+            true => {
+                let ids = order(&rows);
+                let rows = rows.select(ids.iter().copied());
+                (ids, rows)
+            }
+            false => ((0..rows.count() as u32).collect(), rows),
+        };
         let squares = rows.values.chunks_exact(rows.width).map(|row| dot(row, row)).collect();
         Self { rows, squares, ids }
     }
@@ -113,6 +124,10 @@ impl Search<'_> {
     fn block(&self, asked: &Sorted, around: &Balls, block: usize, scratch: &mut Scratch) -> (Vec<u32>, Vec<u32>) {
         self.candidates(around.centers.row(block), around.radii[block], scratch);
         let Scratch { candidates, rows, squares, weights, products, nearest, .. } = scratch;
+        let (rows, squares, weights) = match candidates.len() == self.weights.len() {
+            true => (&self.points.rows.values, &self.points.squares, &self.weights),
+            false => (&*rows, &*squares, &*weights),
+        };
         let width = asked.rows.width;
         let range = block * BLOCK..((block + 1) * BLOCK).min(asked.ids.len());
         if candidates.is_empty() {
@@ -128,7 +143,7 @@ impl Search<'_> {
             vectorized(
                 #[inline(always)]
                 || {
-                    let all = products.iter().zip(&*squares);
+                    let all = products.iter().zip(squares);
                     nearest.distances.iter_mut().zip(all).for_each(|(d, (p, s))| *d = square + s - 2.0 * p);
                 },
             );
@@ -172,21 +187,27 @@ impl Search<'_> {
         });
         let bound = surely.map_or(self.radius, |(reach, _)| reach.min(self.radius));
         let limit = bound * bound + ROUND_OFF * self.largest;
-        rows.clear();
-        squares.clear();
         candidates.clear();
-        weights.clear();
         for (leaf, (gap, r)) in gaps.iter().zip(radii).enumerate() {
             let least = (gap - r - radius).max(0.0);
             // Features that are not finite are in no order, and are compared with all.
-            if least * least > limit {
-                continue;
+            let far = least * least > limit;
+            if !far {
+                candidates.extend((leaf * LEAF) as u32..((leaf + 1) * LEAF).min(self.weights.len()) as u32);
             }
-            let run = leaf * LEAF..((leaf + 1) * LEAF).min(self.weights.len());
+        }
+        // All together stand in a row already.
+        if candidates.len() == self.weights.len() {
+            return;
+        }
+        rows.clear();
+        squares.clear();
+        weights.clear();
+        for leaf in candidates.chunk_by(|a, b| a + 1 == *b) {
+            let run = leaf[0] as usize..leaf[0] as usize + leaf.len();
             rows.extend_from_slice(self.points.rows.run(run.clone()));
             squares.extend_from_slice(&self.points.squares[run.clone()]);
-            weights.extend_from_slice(&self.weights[run.clone()]);
-            candidates.extend(run.start as u32..run.end as u32);
+            weights.extend_from_slice(&self.weights[run]);
         }
     }
 }

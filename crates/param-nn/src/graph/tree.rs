@@ -64,7 +64,7 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
 pub(super) fn order(rows: &Rows) -> Vec<u32> {
     let mut order: Vec<u32> = (0..rows.count() as u32).collect();
     let mut keys = vec![(0.0, 0); order.len()];
-    let mut open = vec![0..order.len()];
+    let mut open: Vec<Range<usize>> = std::iter::once(0..order.len()).collect();
     while let Some(range) = open.pop() {
         let leaves = range.len().div_ceil(LEAF);
         if leaves < 2 {
@@ -81,23 +81,26 @@ pub(super) fn order(rows: &Rows) -> Vec<u32> {
     order
 }
 
+/// The row farthest from a given one.
+#[inline(always)]
+fn farthest<'a>(rows: &'a Rows, indices: &[u32], from: &[f32]) -> &'a [f32] {
+    let mut far = (0.0, indices[0]);
+    for &index in indices {
+        let distance = squared_distance(rows.row(index as usize), from);
+        if distance > far.0 {
+            far = (distance, index);
+        }
+    }
+    rows.row(far.1 as usize)
+}
+
 /// Places along the line from the row farthest from the first one to the row farthest from that.
 fn project(rows: &Rows, indices: &[u32], keys: &mut [(f32, u32)]) {
     vectorized(
         #[inline(always)]
         || {
-            let farthest = |from: &[f32]| {
-                let mut far = (0.0, 0);
-                for &index in indices {
-                    let distance = squared_distance(rows.row(index as usize), from);
-                    if distance > far.0 {
-                        far = (distance, index);
-                    }
-                }
-                rows.row(far.1 as usize)
-            };
-            let one = farthest(rows.row(indices[0] as usize));
-            let other = farthest(one);
+            let one = farthest(rows, indices, rows.row(indices[0] as usize));
+            let other = farthest(rows, indices, one);
             let mut line = [0.0; MOST];
             for (line, (a, b)) in line.iter_mut().zip(other.iter().zip(one)) {
                 *line = a - b;
@@ -134,8 +137,11 @@ impl Balls {
                     for row in run.chunks_exact(width) {
                         center.iter_mut().zip(row).for_each(|(c, x)| *c += *x * share);
                     }
-                    let far = |far: f32, row| far.max(squared_distance(row, center));
-                    *radius = run.chunks_exact(width).fold(0.0, far).sqrt();
+                    let mut far = 0.0f32;
+                    for row in run.chunks_exact(width) {
+                        far = far.max(squared_distance(row, center));
+                    }
+                    *radius = far.sqrt();
                 }
             },
         );
