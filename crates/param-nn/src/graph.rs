@@ -1,11 +1,11 @@
 //! Radius graphs in spaces of any dimension.
 
-use rayon::prelude::*;
+mod distinct;
+mod nearest;
+mod search;
+mod tree;
 
-use crate::real::{matrix, product, vectorized};
-
-/// Rows whose products with all points are formed at once: a block of 64 rows by 10⁴ points takes 2.5 MB.
-const BLOCK: usize = 64;
+pub(crate) use search::radius_graph;
 
 /// Which points are neighbours, in space and among features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,117 +57,6 @@ impl Graph {
             }
         }
         Self { starts, sources: reversed }
-    }
-}
-
-/// The points within `radius` of each query, the nearest `cap` of them; equally far ones by index. Queries and points
-/// are rows of `width` numbers; an infinite radius leaves all to the cap. With `own`, query i is point i, and its distance to itself is exactly 0.
-pub(crate) fn radius_graph(queries: &[f32], points: &[f32], width: usize, radius: f32, cap: usize, own: bool) -> Graph {
-    let n = points.len() / width;
-    // Distances from squares cancel where points are far from the origin: move it into their middle.
-    let mut center = vec![0.0; width];
-    for row in points.chunks_exact(width) {
-        center.iter_mut().zip(row).for_each(|(c, x)| *c += x / n as f32);
-    }
-    let centered = |rows: &[f32]| -> Vec<f32> {
-        rows.chunks_exact(width).flat_map(|row| row.iter().zip(&center).map(|(x, c)| x - c)).collect()
-    };
-    let (queries, points) = (centered(queries), centered(points));
-    let squares: Vec<f32> = points.chunks_exact(width).map(|row| row.iter().map(|x| x * x).sum()).collect();
-    let blocks: Vec<(Vec<u32>, Vec<u32>)> = queries
-        .par_chunks(BLOCK * width)
-        .enumerate()
-        .map(|(block, rows)| {
-            let count = rows.len() / width;
-            let mut products = vec![0.0; count * n];
-            product(&mut products, matrix(rows, width), matrix(&points, width).transpose());
-            let (mut counts, mut sources) = (Vec::with_capacity(count), Vec::with_capacity(count * cap));
-            let mut nearest = Nearest::new(cap, n);
-            for (i, (row, products)) in rows.chunks_exact(width).zip(products.chunks_exact_mut(n)).enumerate() {
-                let square: f32 = row.iter().map(|x| x * x).sum();
-                if own {
-                    let index = block * BLOCK + i;
-                    products[index] = 0.5 * (square + squares[index]);
-                }
-                nearest.search(square, products, &squares, radius * radius);
-                counts.push(nearest.found as u32);
-                sources.extend(nearest.indices());
-            }
-            (counts, sources)
-        })
-        .collect();
-    let mut starts = vec![0];
-    let mut sources = Vec::new();
-    for (counts, block) in blocks {
-        for count in counts {
-            starts.push(starts.last().copied().unwrap_or(0) + count);
-        }
-        sources.extend(block);
-    }
-    Graph { starts, sources }
-}
-
-/// The nearest points of one query.
-struct Nearest {
-    cap: usize,
-    distances: Vec<f32>,
-    /// Squared distances in the upper half (the bits of positive floats are ordered as they are), indices in the lower.
-    keys: Vec<u64>,
-    found: usize,
-}
-
-/// Halvings of the bound before those within it are sorted out; the result does not depend on it.
-const HALVINGS: usize = 12;
-
-impl Nearest {
-    fn new(cap: usize, points: usize) -> Self {
-        Self { cap, distances: vec![0.0; points], keys: vec![0; points + 1], found: 0 }
-    }
-
-    fn search(&mut self, square: f32, products: &[f32], squares: &[f32], bound: f32) {
-        vectorized(
-            #[inline(always)]
-            || self.collect(square, products, squares, bound),
-        );
-        if self.found > self.cap {
-            self.keys[..self.found].select_nth_unstable(self.cap - 1);
-            self.found = self.cap;
-        }
-    }
-
-    fn indices(&self) -> impl Iterator<Item = u32> {
-        self.keys[..self.found].iter().map(|key| *key as u32)
-    }
-
-    /// All points within a bound that holds at least `cap` points, if that many are within the given one.
-    #[inline(always)]
-    fn collect(&mut self, square: f32, products: &[f32], squares: &[f32], bound: f32) {
-        for (d, (p, s)) in self.distances.iter_mut().zip(products.iter().zip(squares)) {
-            *d = square + s - 2.0 * p;
-        }
-        let distances = &self.distances;
-        // An infinite bound has no middle.
-        let bound = if bound.is_finite() { bound } else { distances.iter().fold(0.0, |far: f32, d| far.max(*d)) };
-        // PERF: counting is a vector loop, sorting out is not; the bound is first brought near the cap-th distance.
-        let count = |bound: f32| distances.iter().map(|d| u32::from(*d <= bound)).sum::<u32>() as usize;
-        let (mut low, mut high) = (0.0, bound);
-        let mut inside = count(bound);
-        for _ in 0..HALVINGS {
-            if inside <= 2 * self.cap {
-                break;
-            }
-            let middle = 0.5 * (low + high);
-            match count(middle) {
-                fewer if fewer < self.cap => low = middle,
-                enough => (high, inside) = (middle, enough),
-            }
-        }
-        let mut found = 0;
-        for (index, d) in distances.iter().enumerate() {
-            self.keys[found] = u64::from(d.max(0.0).to_bits()) << 32 | index as u64;
-            found += usize::from(*d <= high);
-        }
-        self.found = found;
     }
 }
 

@@ -1,5 +1,7 @@
 //! Numbers and dense products that the networks compute with.
 
+use std::borrow::Cow;
+
 use faer::linalg::matmul::matmul;
 use faer::traits::ComplexField;
 use faer::{Accum, MatMut, MatRef, Par};
@@ -8,17 +10,28 @@ use pulp::{Simd, WithSimd};
 /// `f32` for training and inference, `f64` for the proofs of the kernels.
 pub(crate) trait Real: candle_core::WithDType + ComplexField {
     fn root(self) -> Self;
+
+    /// In single precision.
+    fn singles(x: &[Self]) -> Cow<'_, [f32]>;
 }
 
 impl Real for f32 {
     fn root(self) -> Self {
         self.sqrt()
     }
+
+    fn singles(x: &[Self]) -> Cow<'_, [f32]> {
+        Cow::Borrowed(x)
+    }
 }
 
 impl Real for f64 {
     fn root(self) -> Self {
         self.sqrt()
+    }
+
+    fn singles(x: &[Self]) -> Cow<'_, [f32]> {
+        x.iter().map(|&x| x as f32).collect()
     }
 }
 

@@ -9,7 +9,7 @@ use crate::real::{Real, add_product, matrix, product, vectorized};
 pub(super) const WIDTH: usize = 64;
 
 /// Added to a variance before its root is divided by; PyTorch's default, which the published network has.
-const VARIANCE_FLOOR: f64 = 1e-5;
+pub(super) const VARIANCE_FLOOR: f64 = 1e-5;
 
 pub(super) fn rows<T>(x: &[T]) -> &[[T; WIDTH]] {
     x.as_chunks().0

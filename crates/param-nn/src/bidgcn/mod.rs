@@ -2,6 +2,7 @@
 
 pub(crate) mod cloud;
 mod frame;
+mod inference;
 pub(crate) mod layers;
 pub(crate) mod layout;
 pub(crate) mod midpoints;

@@ -1,15 +1,15 @@
 //! Trained networks: files, and the parameters they give.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
 use super::cloud::Cloud;
+use super::inference::{Inference, Memory};
 use super::layout::{Layout, Variant};
 use super::midpoints::with_midpoints;
-use super::network::forward;
 use super::symmetry::{Symmetries, Symmetry};
 use crate::archive::Archive;
 use crate::error::NnError;
@@ -18,7 +18,8 @@ use crate::graph::Neighbours;
 /// Version of the weights' format; others are refused.
 const VERSION: &str = "1";
 
-/// Most points that are read at once: the graphs compare all pairs of points, and time grows with the square.
+/// Most points that are read at once: where features are alike without being equal, the graphs compare all pairs of them,
+/// and time grows with the square.
 pub const LARGEST_CLOUD: usize = 10_000;
 
 /// How a network reads a cloud.
@@ -186,12 +187,20 @@ impl Bidgcn {
         let dense = dense.filter(|dense| dense.xyz.len() <= LARGEST_CLOUD);
         let input = dense.as_ref().unwrap_or(cloud).input::<f32>(self.frame, self.neighbours);
         let sigmoid = |x: f32| 1.0 / (1.0 + (-f64::from(x)).exp());
-        let (own, tape) = forward(&self.layout, &self.theta, &input, None);
-        // PERF: finding graphs is most of the work; with graphs of their own the images give the same errors within 0.5 %.
-        let one =
-            |symmetry: Symmetry| forward(&self.layout, &self.theta, &symmetry.image(&input), Some(&tape.graphs)).0;
+        let inference = Inference::new(&self.layout, &self.theta, &input);
         let all: Vec<Symmetry> = symmetries.all().collect();
-        let others: Vec<Vec<f32>> = all[1..].par_iter().map(|symmetry| one(*symmetry)).collect();
+        let mut memory = Memory::default();
+        let (own, graphs) = inference.logits(all[0], None, &mut memory);
+        // PERF: finding graphs takes longer than the layers; with graphs of their own the images give the same errors within 0.5 %.
+        let free = Mutex::new(vec![memory]);
+        let one = |symmetry: &Symmetry| {
+            let taken = free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let mut memory = taken.unwrap_or_default();
+            let logits = inference.logits(*symmetry, Some(&graphs), &mut memory).0;
+            free.lock().unwrap_or_else(PoisonError::into_inner).push(memory);
+            logits
+        };
+        let others: Vec<Vec<f32>> = all[1..].par_iter().map(one).collect();
         let share = 1.0 / all.len() as f64;
         let mut mean = vec![[0.0; 2]; cloud.interior];
         for (symmetry, logits) in all.iter().zip(std::iter::once(&own).chain(&others)) {

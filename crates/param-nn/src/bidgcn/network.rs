@@ -29,7 +29,7 @@ fn reach(neighbours: Neighbours) -> (f32, usize) {
 /// What the network is given.
 #[derive(Clone, Debug)]
 pub(crate) struct Input<T> {
-    neighbours: Neighbours,
+    pub(super) neighbours: Neighbours,
     /// Interior points, three numbers each, in the unit cube.
     pub(super) interior: Vec<T>,
     /// Boundary points and their parameters, five numbers each.
@@ -146,9 +146,10 @@ pub(crate) fn forward<T: Real>(
     (logits, Tape { interior, boundary, features, means, graphs: dynamic, first, second })
 }
 
-fn feature_graph<T: Real>(x: &[T], neighbours: Neighbours) -> Graph {
+/// The graph of a hidden layer.
+pub(super) fn feature_graph<T: Real>(x: &[T], neighbours: Neighbours) -> Graph {
     let (radius, cap) = reach(neighbours);
-    let features: Vec<f32> = x.iter().map(|x| x.to_f64() as f32).collect();
+    let features = T::singles(x);
     radius_graph(&features, &features, WIDTH, radius, cap, true)
 }
 

@@ -182,3 +182,39 @@ fn gradients_agree_with_differences_in_every_tensor() {
         }
     }
 }
+
+#[test]
+fn graphs_of_the_embedded_networks_features_hold_the_nearest_points() {
+    let network = crate::Bidgcn::embedded().unwrap();
+    let n = 1500;
+    let input = input::<f32>(n);
+    let (_, tape) = forward(&network.layout, &network.theta, &input, None);
+    let mut equal = 0;
+    for (graph, features) in tape.graphs.iter().zip(&tape.features) {
+        let rows = rows(features);
+        let squared = |a: &[f32; WIDTH], b: &[f32; WIDTH]| -> f64 {
+            a.iter().zip(b).map(|(a, b)| f64::from(a - b) * f64::from(a - b)).sum()
+        };
+        let largest = rows.iter().map(|row| squared(row, &[0.0; WIDTH])).fold(0.0, f64::max);
+        // Round-off of distances that are formed from squares, in single precision.
+        let (limit, round_off) = (f64::from(RADIUS * RADIUS), 1e-6 * largest);
+        for (i, row) in rows.iter().enumerate() {
+            let mut all: Vec<f64> = rows.iter().map(|other| squared(row, other)).collect();
+            let mut found: Vec<f64> = graph.of(i).iter().map(|&j| all[j as usize]).collect();
+            all.sort_unstable_by(f64::total_cmp);
+            found.sort_unstable_by(f64::total_cmp);
+            let certain = all.iter().filter(|d| **d < limit - round_off).count().min(CAP);
+            assert!(found.len() >= certain && found.len() <= CAP, "{} of {certain}", found.len());
+            assert!(found.iter().all(|d| *d < limit + round_off));
+            for (found, brute) in found.iter().zip(&all) {
+                assert!((found - brute).abs() <= round_off, "{found} {brute} {round_off}");
+            }
+            equal += usize::from(all[1] == 0.0);
+            let mut sources = graph.of(i).to_vec();
+            sources.sort_unstable();
+            sources.dedup();
+            assert_eq!(sources.len(), found.len(), "a source twice");
+        }
+    }
+    assert!(equal > n, "{equal} rows have an equal one: too few to prove anything");
+}

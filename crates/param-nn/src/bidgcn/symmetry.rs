@@ -1,6 +1,9 @@
 //! Symmetries of the task: turned and mirrored, the square asks the same question.
 
+use super::layers::WIDTH;
+#[cfg(test)]
 use super::network::Input;
+#[cfg(test)]
 use crate::real::Real;
 
 /// Over how many images of a cloud a prediction is averaged.
@@ -55,6 +58,7 @@ impl Symmetry {
     }
 
     /// What the network is given, as this symmetry has it. The graphs stay: distances are the same.
+    #[cfg(test)]
     pub(super) fn image<T: Real>(self, input: &Input<T>) -> Input<T> {
         let mut image = input.clone();
         let zero = T::from_f64(0.0);
@@ -84,6 +88,26 @@ impl Symmetry {
             }
         }
         image
+    }
+
+    /// Takes the rows of a linear map of the image's coordinates, of points or of points and parameters, to those of the map
+    /// of the original ones that differs by a constant only.
+    pub(super) fn pull_back(self, rows: &mut [f32]) {
+        let [u, v] = self.turned_round;
+        let round = [u, v, u ^ v ^ self.swapped, u, v];
+        let mut rows: Vec<&mut [f32]> = rows.chunks_exact_mut(WIDTH).collect();
+        for first in [0, 3] {
+            if self.swapped
+                && let Some([a, b]) = rows.get_mut(first..first + 2)
+            {
+                a.swap_with_slice(b);
+            }
+        }
+        for (row, round) in rows.iter_mut().zip(round) {
+            if round {
+                row.iter_mut().for_each(|w| *w = -*w);
+            }
+        }
     }
 
     /// Parameters in the square as it was, from those in its image.
