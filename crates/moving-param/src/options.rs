@@ -43,7 +43,8 @@ pub enum Method {
     },
     /// Coefficients and parameters together, by Levenberg–Marquardt steps from which the parameters are eliminated.
     Joint(JointOptions),
-    /// J-PDM: coefficients and parameters together, by L-BFGS (Imperatore 2024, §5.3).
+    /// J-PDM: coefficients and parameters together, by L-BFGS (Imperatore 2024, §5.3), in unknowns measured by the matrix of a
+    /// joint step, anew after every 30 iterations.
     JointLbfgs(Schedule),
     /// Coefficients, and one smooth map of the parameter domain that moves all parameters: to be compared with, where
     /// parameters that move one by one would follow noise. Sides are kept, whatever [`Options::boundary`] says, and so are seams.
