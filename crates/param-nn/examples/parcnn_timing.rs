@@ -15,7 +15,7 @@ fn main() -> Result<(), NnError> {
         for count in [20, 100, 1000] {
             let spec = GriddedSpec { shape: Shape::Curve { degree: 3, dimension }, size: [count, 1], noise: 0.0 };
             let points = spec.sample(&mut stream(1, 0))?.points;
-            let time = clock::milliseconds(|| network.predict_sequence(points.view(), space).map(|_| ()))?;
+            let [time, _] = clock::milliseconds(|| network.predict_sequence(points.view(), space).map(|_| ()))?;
             println!("{count:5} points, dimension {dimension}: {time:8.2} ms");
         }
     }
@@ -24,7 +24,7 @@ fn main() -> Result<(), NnError> {
         let spec = GriddedSpec { shape: Shape::Surface { degree: 3 }, size: [count, count], noise: 0.0 };
         let points = spec.sample(&mut stream(1, 0))?.points;
         let grid = Array3::from_shape_fn((count, count, 3), |(i, j, k)| points[[i * count + j, k]]);
-        let time = clock::milliseconds(|| network.predict_grid(grid.view(), space).map(|_| ()))?;
+        let [time, _] = clock::milliseconds(|| network.predict_grid(grid.view(), space).map(|_| ()))?;
         println!("{count:3} × {count:3} points: {time:8.2} ms");
     }
     Ok(())

@@ -5,21 +5,22 @@ use std::time::Instant;
 /// Seconds over which runs are averaged: the system counts in ticks of some milliseconds.
 const LONG_ENOUGH: f64 = 0.3;
 
-/// Milliseconds of processor time that a run takes, all threads together; by the clock on the wall where the system does
-/// not tell.
-pub(crate) fn milliseconds<E>(mut run: impl FnMut() -> Result<(), E>) -> Result<f64, E> {
+/// Milliseconds that a run takes: of processor time, all threads together, or by the clock on the wall where the system does
+/// not tell; and by that clock.
+pub(crate) fn milliseconds<E>(mut run: impl FnMut() -> Result<(), E>) -> Result<[f64; 2], E> {
     let (before, wall) = (processor_seconds(), Instant::now());
     for runs in 1.. {
         run()?;
+        let passed = wall.elapsed().as_secs_f64();
         let seconds = match (before, processor_seconds()) {
             (Some(before), Some(now)) => now - before,
-            _ => wall.elapsed().as_secs_f64(),
+            _ => passed,
         };
         if seconds > LONG_ENOUGH {
-            return Ok(1e3 * seconds / f64::from(runs));
+            return Ok([seconds, passed].map(|s| 1e3 * s / f64::from(runs)));
         }
     }
-    Ok(f64::INFINITY)
+    Ok([f64::INFINITY; 2])
 }
 
 /// The sum over the threads of the nanoseconds that Linux counts as spent on a processor.
