@@ -190,8 +190,7 @@ fn update_inverse<const D: usize>(inverse: &mut [[f64; D]; D], step: [f64; D], c
     }
 }
 
-/// Solves `(M + damping · diag(S)) x = −g` in the free directions by Cholesky factorization; `None` unless positive
-/// definite beyond round-off.
+/// Solves `(M + damping · diag(S)) x = −g` in the free directions; `None` unless positive definite beyond round-off.
 #[inline(always)]
 pub(crate) fn solve_positive<const D: usize>(
     matrix: &[[f64; D]; D],
@@ -200,40 +199,63 @@ pub(crate) fn solve_positive<const D: usize>(
     gradient: &[f64; D],
     free: [bool; D],
 ) -> Option<[f64; D]> {
-    let mut factor = [[0.0; D]; D];
-    let mut x = [0.0; D];
-    for i in 0..D {
-        for j in 0..=i {
-            let entry = match (i == j, free[i] && free[j]) {
-                (true, true) => matrix[i][i] + damping * scale[i][i],
-                (true, false) => 1.0,
-                (false, true) => matrix[i][j],
-                (false, false) => 0.0,
-            };
-            let mut rest = entry;
-            for k in 0..j {
-                rest -= factor[i][k] * factor[j][k];
-            }
-            if i == j {
-                if rest <= f64::EPSILON * entry.abs() || rest.is_nan() {
-                    return None;
+    Some(Factor::new(matrix, scale, damping, free)?.solve(gradient))
+}
+
+/// The Cholesky factor of `M + damping · diag(S)` in the free directions.
+pub(crate) struct Factor<const D: usize> {
+    factor: [[f64; D]; D],
+    free: [bool; D],
+}
+
+impl<const D: usize> Factor<D> {
+    /// `None` unless positive definite beyond round-off.
+    #[inline(always)]
+    pub(crate) fn new(matrix: &[[f64; D]; D], scale: &[[f64; D]; D], damping: f64, free: [bool; D]) -> Option<Self> {
+        let mut factor = [[0.0; D]; D];
+        for i in 0..D {
+            for j in 0..=i {
+                let entry = match (i == j, free[i] && free[j]) {
+                    (true, true) => matrix[i][i] + damping * scale[i][i],
+                    (true, false) => 1.0,
+                    (false, true) => matrix[i][j],
+                    (false, false) => 0.0,
+                };
+                let mut rest = entry;
+                for k in 0..j {
+                    rest -= factor[i][k] * factor[j][k];
                 }
-                factor[i][i] = rest.sqrt();
-            } else {
-                factor[i][j] = rest / factor[j][j];
+                if i == j {
+                    if rest <= f64::EPSILON * entry.abs() || rest.is_nan() {
+                        return None;
+                    }
+                    factor[i][i] = rest.sqrt();
+                } else {
+                    factor[i][j] = rest / factor[j][j];
+                }
             }
         }
-        let mut right = if free[i] { -gradient[i] } else { 0.0 };
-        for k in 0..i {
-            right -= factor[i][k] * x[k];
-        }
-        x[i] = right / factor[i][i];
+        Some(Self { factor, free })
     }
-    for i in (0..D).rev() {
-        for k in i + 1..D {
-            x[i] -= factor[k][i] * x[k];
+
+    /// The solution for a gradient `g`, from `−g`.
+    #[inline(always)]
+    pub(crate) fn solve(&self, gradient: &[f64; D]) -> [f64; D] {
+        let Self { factor, free } = self;
+        let mut x = [0.0; D];
+        for i in 0..D {
+            let mut right = if free[i] { -gradient[i] } else { 0.0 };
+            for k in 0..i {
+                right -= factor[i][k] * x[k];
+            }
+            x[i] = right / factor[i][i];
         }
-        x[i] /= factor[i][i];
+        for i in (0..D).rev() {
+            for k in i + 1..D {
+                x[i] -= factor[k][i] * x[k];
+            }
+            x[i] /= factor[i][i];
+        }
+        x
     }
-    Some(x)
 }

@@ -10,7 +10,7 @@ use thb_core::{BezierMap, SplineMap};
 use crate::Error;
 use crate::anchor::Anchor;
 use crate::constraint::Constraints;
-use crate::descent::solve_positive;
+use crate::descent::Factor;
 use crate::foot_point::{check, point};
 use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
 
@@ -91,18 +91,27 @@ impl<const D: usize> Frame<D> {
 
     /// The same with another force of the spring.
     pub(crate) fn step_against(&self, residual: &Vector, pull: &[f64; D], damping: f64, free: [bool; D]) -> [f64; D] {
+        self.elimination(damping, free).map_or([0.0; D], |factor| self.step_by(&factor, residual, pull))
+    }
+
+    /// What moves of the parameter are solved with; `None` where the tangents are degenerate.
+    fn elimination(&self, damping: f64, free: [bool; D]) -> Option<Factor<D>> {
         let metric = self.metric();
         let mut matrix = metric;
         (0..D).for_each(|a| matrix[a][a] += self.stiffness[a]);
-        let gradient = std::array::from_fn(|a| dot(&self.tangents[a], residual) + pull[a]);
-        solve_positive(&matrix, &metric, damping.max(LEAST_DAMPING), &gradient, free).unwrap_or([0.0; D])
+        Factor::new(&matrix, &metric, damping.max(LEAST_DAMPING), free)
+    }
+
+    fn step_by(&self, factor: &Factor<D>, residual: &Vector, pull: &[f64; D]) -> [f64; D] {
+        factor.solve(&std::array::from_fn(|a| dot(&self.tangents[a], residual) + pull[a]))
     }
 
     /// `W v + w` for `W = I − T (TᵀT + μ diag(TᵀT) + K)⁻¹ Tᵀ`, where `w` is the move that the force of the spring makes:
     /// what is left of a vector when the parameter has moved. `μ = 0` leaves the part normal to the map, large `μ` the
     /// vector itself.
-    fn reduced(&self, v: &Vector, pull: &[f64; D], damping: f64, free: [bool; D]) -> Vector {
-        let step = self.step_against(v, pull, damping, free);
+    fn reduced(&self, v: &Vector, pull: &[f64; D], elimination: Option<&Factor<D>>) -> Vector {
+        let Some(factor) = elimination else { return *v };
+        let step = self.step_by(factor, v, pull);
         let mut rest = *v;
         for a in 0..D {
             (0..4).for_each(|k| rest[k] += step[a] * self.tangents[a][k]);
@@ -146,11 +155,12 @@ pub(crate) fn columns<const D: usize>(
             let Share { point, damping, weight } = share(at);
             let free = constraints.free(points.order()[at] as usize);
             let frame = &frames[at];
+            let elimination = if point == 1.0 { None } else { frame.elimination(damping, free) };
             let blend = |v: &Vector, pull: &[f64; D]| -> Vector {
                 if point == 1.0 {
                     return v.map(|x| weight * x);
                 }
-                let reduced = frame.reduced(v, pull, damping, free);
+                let reduced = frame.reduced(v, pull, elimination.as_ref());
                 std::array::from_fn(|k| weight * (point * v[k] + (1.0 - point) * reduced[k]))
             };
             let mut entries = [0.0; 6];
