@@ -63,6 +63,8 @@ impl<const D: usize> MovingFit<D> {
             let Some(best) = state.get_best_param() else { break };
             let Place { map: reached, parameters, .. } = problem.unknowns.place(best)?;
             map = reached;
+            // The structure of the matrix is analysed once in a space.
+            self.system = Some((space.clone(), problem.unknowns.into_system()));
             self.fit.relocate(&parameters, &cells_of(&space, &parameters)?)?;
             if state.get_iter() < most {
                 break;

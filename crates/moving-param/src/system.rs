@@ -35,6 +35,11 @@ impl StepSystem {
         self.energy.pattern()
     }
 
+    /// The matrix that was factorized last.
+    pub(crate) fn factor(&self) -> &Cholesky {
+        &self.solver
+    }
+
     /// `λ G c`, the gradient of the energy's part of the objective.
     pub(crate) fn energy_gradient(&self, coefficients: &Array2<f64>) -> Array2<f64> {
         let mut gradient = Array2::zeros(coefficients.raw_dim());
@@ -100,15 +105,15 @@ impl StepSystem {
         Ok(Some(Array2::from_shape_fn(right.raw_dim(), |(j, k)| solution[[j * self.dim + k, 0]])))
     }
 
-    /// The matrix of a step, factorized; where points and smoothing leave it singular, with a little more on its diagonal.
-    pub(crate) fn factorized(mut self, equations: &BlockEquations) -> Result<Cholesky, Error> {
+    /// Factorizes the matrix of a step; where points and smoothing leave it singular, with a little more on its diagonal.
+    pub(crate) fn factorize(&mut self, equations: &BlockEquations) -> Result<(), Error> {
         let mut matrix = SymmetricMatrix::from_blocks(&self.blocked, &equations.matrices, self.dim)?;
         let mean = matrix.trace() / self.blocked.n() as f64;
         for shift in SHIFTS {
             let values = matrix.values_mut();
             self.blocked.columns()[..self.blocked.n()].iter().for_each(|&first| values[first] += shift * mean);
             if self.solver.factorize(&matrix).is_ok() {
-                return Ok(self.solver);
+                return Ok(());
             }
         }
         Err(Error::Minimization { reason: FactorizationError::NotPositiveDefinite.to_string() })

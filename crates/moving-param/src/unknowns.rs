@@ -1,6 +1,6 @@
 //! Coefficients and parameters as unknowns in which all directions are alike.
 
-use fit_ls::{Cholesky, SortedPoints};
+use fit_ls::SortedPoints;
 use ndarray::Array2;
 use rayon::prelude::*;
 use thb_core::{CellSpace, HierarchicalSpace, MAX_DEGREE, SplineMap, bernstein};
@@ -24,8 +24,8 @@ const CHUNK: usize = 1024;
 pub(crate) struct Unknowns<'a, const D: usize> {
     start: SplineMap<D>,
     points: &'a SortedPoints<D>,
-    /// The factorized matrix of steps of the coefficients.
-    matrix: Cholesky,
+    /// Its matrix of steps of the coefficients is factorized.
+    system: StepSystem,
     /// By the order of the points.
     frames: Vec<Frame<D>>,
     free: Vec<[bool; D]>,
@@ -52,14 +52,14 @@ impl<'a, const D: usize> Unknowns<'a, D> {
         start: SplineMap<D>,
         points: &'a SortedPoints<D>,
         constraints: Constraints<D>,
-        system: StepSystem,
+        mut system: StepSystem,
     ) -> Result<Self, Error> {
         let frames = frames(&start, points)?;
         let weight = |at: usize| points.weights().map_or(1.0, |w| w[at]);
         let share = |at: usize| Share { point: 0.0, damping: DAMPING, weight: weight(at) };
         let columns = columns(points, &frames, &constraints, share);
         let equations = system.equations(&start, points, &columns)?;
-        let matrix = system.factorized(&equations)?;
+        system.factorize(&equations)?;
         let free: Vec<[bool; D]> = points.order().iter().map(|&index| constraints.free(index as usize)).collect();
         let inverse = |(at, frame): (usize, &Frame<D>)| {
             let mut metric = frame.metric().map(|row| row.map(|x| weight(at) * x));
@@ -68,11 +68,16 @@ impl<'a, const D: usize> Unknowns<'a, D> {
             inverse_factor(&metric, free[at])
         };
         let inverse = frames.iter().enumerate().map(inverse).collect();
-        Ok(Self { start, points, matrix, frames, free, inverse })
+        Ok(Self { start, points, system, frames, free, inverse })
     }
 
     pub(crate) fn points(&self) -> &'a SortedPoints<D> {
         self.points
+    }
+
+    /// The equations that measured them, to be used again.
+    pub(crate) fn into_system(self) -> StepSystem {
+        self.system
     }
 
     /// Their number.
@@ -86,7 +91,7 @@ impl<'a, const D: usize> Unknowns<'a, D> {
         let (n, dim) = self.start.coefficients().dim();
         let (x, mut y) = unknowns.split_at(n * dim);
         let x = Array2::from_shape_fn((n * dim, 1), |(i, _)| x[i]);
-        let change = self.matrix.from_whitened(&x).map_err(singular)?;
+        let change = self.system.factor().from_whitened(&x).map_err(singular)?;
         let change = Array2::from_shape_fn((n, dim), |(j, k)| change[[j * dim + k, 0]]);
         let map = SplineMap::new(space.clone(), &change + &self.start.coefficients())?;
         let carried = jets(&SplineMap::new(space.clone(), change)?, &self.parameters())?;
@@ -133,7 +138,7 @@ impl<'a, const D: usize> Unknowns<'a, D> {
         let (n, dim) = by_coefficients.dim();
         by_coefficients += &basis_sums(space, &self.parameters(), &forces, dim)?;
         let flat = Array2::from_shape_fn((n * dim, 1), |(i, _)| by_coefficients[[i / dim, i % dim]]);
-        let mut gradient = self.matrix.whitened_gradient(&flat).map_err(singular)?.into_raw_vec_and_offset().0;
+        let mut gradient = self.system.factor().whitened_gradient(&flat).map_err(singular)?.into_raw_vec_and_offset().0;
         for (at, slope) in by_parameters.iter().enumerate() {
             let along = |row: &[f64; D]| row.iter().zip(slope).map(|(a, b)| a * b).sum::<f64>();
             gradient.extend((0..D).filter(|&d| self.free[at][d]).map(|d| along(&self.inverse[at][d])));

@@ -131,8 +131,8 @@ impl SymmetricMatrix {
 
     /// Adds a cell's matrix, `(n_active, n_active)` row-major; `functions` increasing and part of the pattern.
     pub fn add_cell(&mut self, functions: &[u32], matrix: &[f64]) {
-        let n_active = functions.len();
-        self.pattern.clone().for_each_entry(functions, |place, i, j| self.values[place] += matrix[i * n_active + j]);
+        let (n_active, values) = (functions.len(), &mut self.values);
+        self.pattern.for_each_entry(functions, |place, i, j| values[place] += matrix[i * n_active + j]);
     }
 
     /// The matrix of [`SymmetricPattern::blocked`] whose block of functions i and j has the entries `parts[a][b]` of i and j,
