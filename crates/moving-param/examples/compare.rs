@@ -4,11 +4,11 @@
 //!
 //! The file has the columns u, v, x, y, z. Further settings: `extension` (2), `iterations` (20), `levels`, `dofs`,
 //! `share` (of the points to refine for, 0 for all beyond the tolerance), `boundary` (kept or free), `guard` (on or off),
-//! `barrier` (on or off: against folding the Delaunay triangles of the parameters), `moves` (on to print what moved),
+//! `barrier` (on or off: whether the Delaunay triangles of the parameters must not fold), `moves` (on to print what moved),
 //! `within` (share of the points that must be met); of quasi-interpolation `nmin`, `nloc` (0 for the usual ones), `density`,
 //! `splits` and `local` (constant, points or area: how the smoothing weight is scaled).
 //! Methods: `fixed`, `qi`, `a-qi:k`, `a-pdm:k`, `a-tdm:k`, `a-hdm:k:γ` (or `error` for γ),
-//! `joint:steps:decrease:polish:emphasis:stiffness`,
+//! `joint:steps:decrease:polish:emphasis:stiffness:between:regularity:cohesion`,
 //! `j-pdm:a`, `j-pdm:b`, `j-pdm:η:K`, `map:n:steps:decrease:barrier` (n × n control points).
 
 use std::collections::HashMap;
@@ -100,9 +100,12 @@ fn main() -> Result<(), Failure> {
         }
         let options = Options { method: parse(name)?, boundary, tolerance, guard, ..Options::default() };
         let mut method = MovingFit::new(parameters.view(), points.view(), None, fitting.clone(), options)?;
-        if text("barrier", "off") == "on" {
-            method = method.with_triangles(&delaunay(&parameters)?)?;
-        }
+        let triangles = delaunay(&parameters)?;
+        method = if text("barrier", "off") == "on" {
+            method.with_triangles(&triangles)?
+        } else {
+            method.with_centres(&triangles)
+        };
         finish(&mut method, &space, &adaptive, clock)?;
         if text("moves", "off") == "on" {
             for moves in method.reports() {
@@ -160,6 +163,7 @@ fn parse(name: &str) -> Result<Method, Failure> {
                 stiffness: number(4, default.stiffness)?,
                 between: number(5, default.between)?,
                 regularity: number(6, default.regularity)?,
+                cohesion: number(7, default.cohesion)?,
             })
         }
         "map" => {

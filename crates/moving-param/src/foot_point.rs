@@ -405,9 +405,11 @@ impl<'a, const D: usize> Search<'a, D> {
         let local = Local::new(&patch.jet(u), &target.point);
         match self.anchor {
             None => local,
-            Some(anchor) => {
-                local.anchored(anchor.squared(target.index, u), anchor.pull(target.index, u), anchor.stiffness())
-            }
+            Some(anchor) => local.anchored(
+                anchor.squared(target.index, u),
+                anchor.pull(target.index, u),
+                anchor.stiffness(target.index),
+            ),
         }
     }
 }

@@ -79,7 +79,7 @@ impl<const D: usize> Frame<D> {
 
     /// Hangs the parameter of a point on a spring.
     pub(crate) fn anchored(mut self, anchor: &Anchor<D>, index: usize, u: [f64; D]) -> Self {
-        (self.stiffness, self.pull) = (anchor.stiffness(), anchor.pull(index, u));
+        (self.stiffness, self.pull) = (anchor.stiffness(index), anchor.pull(index, u));
         self
     }
 

@@ -67,10 +67,11 @@ impl<const D: usize> MovingFit<D> {
         let mut system = self.take_system(&space)?;
         // Weights by index: sorted positions change with the parameters.
         let mut weights = self.weights.clone().unwrap_or_else(|| vec![1.0; self.fit.points().len()]);
-        if self.anchor.is_none() && options.stiffness > 0.0 {
+        if self.anchor.is_none() && (options.stiffness > 0.0 || options.cohesion > 0.0) {
             let start = self.start.outer_iter().map(|row| std::array::from_fn(|d| row[d])).collect();
-            let frames = frames(&map, self.fit.points())?;
-            self.anchor = Some(Anchor::new(space.clone(), &frames, start, options.stiffness));
+            let points = self.fit.points();
+            let frames = frames(&map, points)?;
+            self.anchor = Some(Anchor::new(space.clone(), points, &frames, start, &self.centres, options));
         }
         let mut damping = FIRST_DAMPING;
         let mut map = self.descend(map, &mut system, &weights, &mut damping, options.max_steps, options, moves)?;
@@ -138,7 +139,8 @@ impl<const D: usize> MovingFit<D> {
         'steps: for _ in 0..max_steps {
             let points = self.fit.points();
             let mut frames = frames(&map, points)?;
-            if let Some(anchor) = &self.anchor {
+            if let Some(anchor) = &mut self.anchor {
+                anchor.follow(points, &frames);
                 for (at, (frame, &index)) in frames.iter_mut().zip(points.order()).enumerate() {
                     *frame = frame.anchored(anchor, index as usize, points.parameter(at));
                 }

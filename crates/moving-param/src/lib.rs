@@ -68,6 +68,7 @@ mod patch;
 mod place;
 mod quasi;
 mod regularity;
+mod rings;
 mod samples;
 mod square_map;
 mod system;

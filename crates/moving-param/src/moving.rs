@@ -247,9 +247,9 @@ impl MovingFit<2> {
         Ok(self.with_centres(triangles))
     }
 
-    /// Triangles over the points, by index, whose centres hold the surface of the joint method between the points
-    /// ([`JointOptions::between`](crate::JointOptions::between)), and which may fold. Those that name points that are not there
-    /// are left out.
+    /// Triangles over the points, by index, which may fold: in the joint method their centres hold the surface between the points
+    /// ([`JointOptions::between`](crate::JointOptions::between)), and their sides join parameters that should move alike
+    /// ([`JointOptions::cohesion`](crate::JointOptions::cohesion)). Those that name points that are not there are left out.
     pub fn with_centres(mut self, triangles: &[[u32; 3]]) -> Self {
         let points = self.start.nrows();
         let known = |t: &&[u32; 3]| t.iter().all(|&i| (i as usize) < points);

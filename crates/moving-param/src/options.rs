@@ -93,6 +93,9 @@ pub struct JointOptions {
     /// Stiffness of springs that hold the parameters where they started: a move by some length along the surface costs as
     /// much as a distance of that length times its root. 0 for none.
     pub stiffness: f64,
+    /// Stiffness of springs that let the parameter of a point move as those of its neighbours do, in the same measure. Needs triangles
+    /// ([`crate::MovingFit::with_centres`]). 0 for none.
+    pub cohesion: f64,
     /// Weight of the centres of triangles between the points, in cells with few points: they keep the surface from swinging
     /// between points, but are no data: errors do not fall to round-off. Needs triangles
     /// ([`crate::MovingFit::with_centres`]). 0 for none.
@@ -104,8 +107,16 @@ pub struct JointOptions {
 
 impl JointOptions {
     /// What [`JointOptions::default`] gives.
-    pub const DEFAULT: Self =
-        Self { max_steps: 10, decrease: 3e-2, polish: 2, emphasis: 2, stiffness: 0.0, between: 0.0, regularity: 100.0 };
+    pub const DEFAULT: Self = Self {
+        max_steps: 10,
+        decrease: 3e-2,
+        polish: 2,
+        emphasis: 2,
+        stiffness: 0.0,
+        cohesion: 0.0,
+        between: 0.0,
+        regularity: 100.0,
+    };
 }
 
 impl Default for JointOptions {
@@ -205,7 +216,8 @@ impl Options {
             Method::Joint(joint) => {
                 normal()?;
                 number("decrease", joint.decrease, joint.decrease >= 0.0, "at least 0")?;
-                number("stiffness", joint.stiffness, joint.stiffness >= 0.0, "at least 0")
+                number("stiffness", joint.stiffness, joint.stiffness >= 0.0, "at least 0")?;
+                number("cohesion", joint.cohesion, joint.cohesion >= 0.0, "at least 0")
             }
             Method::SquareMap(square) => {
                 number("barrier", square.barrier, square.barrier >= 0.0, "at least 0")?;

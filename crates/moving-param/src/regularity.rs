@@ -2,7 +2,7 @@
 
 use ndarray::Array2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, SplineMap, SymmetricMatrix, bernstein};
+use thb_core::{CellSpace, HierarchicalSpace, SplineMap, SymmetricMatrix, bernstein};
 
 use crate::Error;
 use crate::patch::{Vector, cross, dot, unit};
@@ -21,8 +21,8 @@ const LEAST_AREA: f64 = 0.2;
 /// Times that a step is computed anew because further samples would fold.
 const EXTENSIONS: usize = 3;
 
-/// Times that a step that still folds is halved.
-const HALVINGS: usize = 4;
+/// What is kept, in turn, of the step of the functions around samples that still turn over.
+const KEPT: [f64; 6] = [0.5, 0.5, 0.0, 0.0, 0.0, 0.0];
 
 /// Adds `½ ω Σ_g max(0, ε − J_g)²` to the objective of the joint method, over samples g of all cells of a surface in space.
 ///
@@ -79,7 +79,7 @@ impl Regularity {
     /// Whether a surface has turned over at samples where one before it had not.
     pub(crate) fn turned<const D: usize>(&self, map: &SplineMap<D>, before: &SplineMap<D>) -> bool {
         let sheet = Sheet::new(self, before, 0.0);
-        sheet.folds(map).turned > sheet.own.turned
+        sheet.folds(map).turned.len() > sheet.own.turned.len()
     }
 }
 
@@ -102,7 +102,7 @@ struct Folds {
     /// Samples below `ε`, increasing.
     low: Vec<u32>,
     /// Those of them that have turned over.
-    turned: usize,
+    turned: Vec<u32>,
 }
 
 impl<'a, const D: usize> Sheet<'a, D> {
@@ -114,7 +114,7 @@ impl<'a, const D: usize> Sheet<'a, D> {
             .map(|cell| cell.iter().map(|v| dot(v, v).sqrt()).sum::<f64>() / PER_CELL as f64);
         let normals = vectors.chunks_exact(PER_CELL).flat_map(|cell| (0..PER_CELL).map(|g| mean_normal(cell, g)));
         let (areas, normals) = (areas.collect(), normals.collect());
-        let own = Folds { energy: 0.0, low: Vec::new(), turned: 0 };
+        let own = Folds { energy: 0.0, low: Vec::new(), turned: Vec::new() };
         let mut sheet = Self { regularity, weight: weight / PER_CELL as f64, normals, areas, own };
         sheet.own = sheet.folds_among(&vectors);
         sheet
@@ -130,16 +130,27 @@ impl<'a, const D: usize> Sheet<'a, D> {
     }
 
     fn folds_among(&self, vectors: &[Vector]) -> Folds {
-        let mut folds = Folds { energy: 0.0, low: Vec::new(), turned: 0 };
+        let mut folds = Folds { energy: 0.0, low: Vec::new(), turned: Vec::new() };
         for (sample, vector) in vectors.iter().enumerate() {
             let share = self.share(sample, vector);
             if share < LEAST_AREA {
                 folds.energy += 0.5 * self.weight * (LEAST_AREA - share).powi(2);
                 folds.low.push(sample as u32);
-                folds.turned += usize::from(share <= 0.0);
+                folds.turned.extend((share <= 0.0).then_some(sample as u32));
             }
         }
         folds
+    }
+
+    /// The functions of the cells with samples that had not turned over before, increasing.
+    fn around_turned(&self, space: &HierarchicalSpace<D>, folds: &Folds) -> Vec<u32> {
+        let new = folds.turned.iter().filter(|sample| self.own.turned.binary_search(sample).is_err());
+        let mut cells: Vec<usize> = new.map(|&sample| sample as usize / PER_CELL).collect();
+        cells.dedup();
+        let mut functions: Vec<u32> = cells.into_iter().flat_map(|cell| space.cell(cell).functions.to_vec()).collect();
+        functions.sort_unstable();
+        functions.dedup();
+        functions
     }
 
     /// `J_g`; 1 in cells without area.
@@ -212,7 +223,8 @@ fn mean_normal(cell: &[Vector], sample: usize) -> Vector {
 }
 
 /// The map after the step that solves the equations and, where there is a sheet, keeps its samples from folding; and what
-/// it costs. `None` if the equations are singular or more samples turn over than had before.
+/// it costs. Where samples would turn over the functions around them are held back; the others go on. `None` if the equations are
+/// singular, or more samples turn over than had before.
 pub(crate) fn step<const D: usize>(
     system: &mut StepSystem,
     equations: &fit_ls::BlockEquations,
@@ -240,15 +252,18 @@ pub(crate) fn step<const D: usize>(
             extensions += 1;
             continue;
         }
-        for _ in 0..HALVINGS {
-            if folds.turned <= sheet.own.turned {
+        for kept in KEPT {
+            if folds.turned.len() <= sheet.own.turned.len() {
                 break;
             }
-            step *= 0.5;
+            let functions = sheet.around_turned(space.as_ref(), &folds);
+            for function in functions {
+                step.row_mut(function as usize).mapv_inplace(|x| kept * x);
+            }
             trial = stepped(space, &coefficients, &step)?;
             folds = sheet.folds(&trial);
         }
-        return Ok((folds.turned <= sheet.own.turned).then_some((trial, folds.energy)));
+        return Ok((folds.turned.len() <= sheet.own.turned.len()).then_some((trial, folds.energy)));
     }
 }
 
@@ -279,6 +294,19 @@ mod tests {
         assert!(!turned(0.0));
         assert!(!turned(0.1));
         assert!(turned(0.9));
+    }
+
+    #[test]
+    fn functions_are_held_back_around_samples_that_turn_and_nowhere_else() {
+        let (flat, folded) = (sheet(0.0), sheet(0.9));
+        let regularity = Regularity::new([2, 2]);
+        let before = Sheet::new(&regularity, &flat, 0.0);
+        let around = before.around_turned(flat.space(), &before.folds(&folded));
+        // Of 6 × 6 functions the one in column 3 of row 3 was moved.
+        assert!(around.contains(&21) && around.len() < 36, "{around:?}");
+        // What had turned before is no reason.
+        let own = Sheet::new(&regularity, &folded, 0.0);
+        assert!(own.around_turned(flat.space(), &own.folds(&folded)).is_empty());
     }
 
     #[test]

@@ -152,7 +152,7 @@ impl Run {
 /// The method for a cloud, whose surface is held between the points where the method asks for that.
 fn moving(cloud: &Cloud, method: Method, settings: &Settings) -> Result<MovingFit<2>> {
     let Settings { tolerance, boundary, guard, foot_points, .. } = *settings;
-    let held = matches!(&method, Method::Joint(joint) if joint.between > 0.0);
+    let held = matches!(&method, Method::Joint(joint) if joint.between > 0.0 || joint.cohesion > 0.0);
     let options = Options { method, boundary, foot_points, tolerance, guard };
     let fit = MovingFit::new(cloud.parameters.view(), cloud.points.view(), None, settings.fitting(), options)?;
     Ok(if held { fit.with_centres(&triangulate_parameters(cloud.parameters.view())?) } else { fit })
