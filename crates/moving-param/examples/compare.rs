@@ -75,6 +75,7 @@ fn main() -> Result<(), Failure> {
         density: number("density", 0.3)?,
         splits: [number("splits", 1.0)? as usize; 2],
     };
+    let triangles = delaunay(&parameters)?;
     for name in text("methods", "fixed,a-pdm:1,a-pdm:3,a-hdm:3:0.01,joint,j-pdm:b").split(',') {
         println!("{name}");
         let clock = Instant::now();
@@ -100,7 +101,6 @@ fn main() -> Result<(), Failure> {
         }
         let options = Options { method: parse(name)?, boundary, tolerance, guard, ..Options::default() };
         let mut method = MovingFit::new(parameters.view(), points.view(), None, fitting.clone(), options)?;
-        let triangles = delaunay(&parameters)?;
         method = if text("barrier", "off") == "on" {
             method.with_triangles(&triangles)?
         } else {

@@ -65,6 +65,9 @@ impl<const D: usize> Anchor<D> {
     /// Hangs the springs to the neighbours where these are now; `frames` are of the points in their order.
     pub(crate) fn follow(&mut self, points: &SortedPoints<D>, frames: &[Frame<D>]) {
         let Self { space, start, to_start, cohesion, rings, springs } = self;
+        if rings.is_empty() {
+            return;
+        }
         let places = points.places();
         let moved = |index: usize| space.way(start[index], points.parameter(places[index]));
         springs.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(index, spring)| {

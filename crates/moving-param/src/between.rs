@@ -5,6 +5,7 @@ use ndarray::Array2;
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, SymmetricPattern};
 
 use crate::Error;
+use crate::foot_point::point;
 use crate::frame::{Frame, frames};
 use crate::patch::{Vector, cross, difference, dot, unit};
 
@@ -52,9 +53,7 @@ impl Between {
         if kept.is_empty() {
             return Ok(None);
         }
-        let point = |i: u32| -> Vector {
-            std::array::from_fn(|k| if k < points.dim() { points.coordinates(k)[at_of[i as usize]] } else { 0.0 })
-        };
+        let point = |i: u32| point(points, at_of[i as usize]);
         let normals = (points.dim() == 3).then(|| vertex_normals(triangles, points.len(), point));
         let mut centres = Array2::zeros((kept.len(), points.dim()));
         for (mut row, corners) in centres.outer_iter_mut().zip(&kept) {

@@ -1,5 +1,7 @@
 //! Descent methods for the squared distance of one point.
 
+use thb_core::SmallCholesky;
+
 use crate::patch::{Jet, Vector, difference, dot};
 
 /// How the squared distance is minimized. The others are there to be compared with.
@@ -100,8 +102,12 @@ impl<const D: usize> DescentState<D> {
     #[inline(always)]
     pub(crate) fn step(&mut self, local: &Local<D>, free: [bool; D], size: [f64; D]) -> Option<[f64; D]> {
         match self {
-            Self::Newton { damping } => solve_positive(&local.hessian, &local.metric, *damping, &local.gradient, free)
-                .or_else(|| solve_positive(&local.metric, &local.metric, *damping, &local.gradient, free)),
+            Self::Newton { damping } => {
+                let added = std::array::from_fn(|d| *damping * local.metric[d][d]);
+                SmallCholesky::new(&local.hessian, &added, free)
+                    .or_else(|| SmallCholesky::new(&local.metric, &added, free))
+                    .map(|factor| factor.step(&local.gradient))
+            }
             Self::Gradient { length, .. } => {
                 // The first trial step minimizes along the gradient if the map were linear.
                 let g: [f64; D] = std::array::from_fn(|d| if free[d] { local.gradient[d] } else { 0.0 });
@@ -187,75 +193,5 @@ fn update_inverse<const D: usize>(inverse: &mut [[f64; D]; D], step: [f64; D], c
             inverse[a][b] += (1.0 + yhy / curvature) * step[a] * step[b] / curvature
                 - (hy[a] * step[b] + step[a] * hy[b]) / curvature;
         }
-    }
-}
-
-/// Solves `(M + damping · diag(S)) x = −g` in the free directions; `None` unless positive definite beyond round-off.
-#[inline(always)]
-pub(crate) fn solve_positive<const D: usize>(
-    matrix: &[[f64; D]; D],
-    scale: &[[f64; D]; D],
-    damping: f64,
-    gradient: &[f64; D],
-    free: [bool; D],
-) -> Option<[f64; D]> {
-    Some(Factor::new(matrix, scale, damping, free)?.solve(gradient))
-}
-
-/// The Cholesky factor of `M + damping · diag(S)` in the free directions.
-pub(crate) struct Factor<const D: usize> {
-    factor: [[f64; D]; D],
-    free: [bool; D],
-}
-
-impl<const D: usize> Factor<D> {
-    /// `None` unless positive definite beyond round-off.
-    #[inline(always)]
-    pub(crate) fn new(matrix: &[[f64; D]; D], scale: &[[f64; D]; D], damping: f64, free: [bool; D]) -> Option<Self> {
-        let mut factor = [[0.0; D]; D];
-        for i in 0..D {
-            for j in 0..=i {
-                let entry = match (i == j, free[i] && free[j]) {
-                    (true, true) => matrix[i][i] + damping * scale[i][i],
-                    (true, false) => 1.0,
-                    (false, true) => matrix[i][j],
-                    (false, false) => 0.0,
-                };
-                let mut rest = entry;
-                for k in 0..j {
-                    rest -= factor[i][k] * factor[j][k];
-                }
-                if i == j {
-                    if rest <= f64::EPSILON * entry.abs() || rest.is_nan() {
-                        return None;
-                    }
-                    factor[i][i] = rest.sqrt();
-                } else {
-                    factor[i][j] = rest / factor[j][j];
-                }
-            }
-        }
-        Some(Self { factor, free })
-    }
-
-    /// The solution for a gradient `g`, from `−g`.
-    #[inline(always)]
-    pub(crate) fn solve(&self, gradient: &[f64; D]) -> [f64; D] {
-        let Self { factor, free } = self;
-        let mut x = [0.0; D];
-        for i in 0..D {
-            let mut right = if free[i] { -gradient[i] } else { 0.0 };
-            for k in 0..i {
-                right -= factor[i][k] * x[k];
-            }
-            x[i] = right / factor[i][i];
-        }
-        for i in (0..D).rev() {
-            for k in i + 1..D {
-                x[i] -= factor[k][i] * x[k];
-            }
-            x[i] /= factor[i][i];
-        }
-        x
     }
 }

@@ -5,12 +5,11 @@ use std::ops::Range;
 use fit_ls::SortedPoints;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
-use thb_core::{BezierMap, SplineMap};
+use thb_core::{BezierMap, SmallCholesky, SplineMap};
 
 use crate::Error;
 use crate::anchor::Anchor;
 use crate::constraint::Constraints;
-use crate::descent::Factor;
 use crate::foot_point::{check, point};
 use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
 
@@ -95,21 +94,22 @@ impl<const D: usize> Frame<D> {
     }
 
     /// What moves of the parameter are solved with; `None` where the tangents are degenerate.
-    fn elimination(&self, damping: f64, free: [bool; D]) -> Option<Factor<D>> {
+    fn elimination(&self, damping: f64, free: [bool; D]) -> Option<SmallCholesky<D>> {
         let metric = self.metric();
         let mut matrix = metric;
         (0..D).for_each(|a| matrix[a][a] += self.stiffness[a]);
-        Factor::new(&matrix, &metric, damping.max(LEAST_DAMPING), free)
+        let added = std::array::from_fn(|a| damping.max(LEAST_DAMPING) * metric[a][a]);
+        SmallCholesky::new(&matrix, &added, free)
     }
 
-    fn step_by(&self, factor: &Factor<D>, residual: &Vector, pull: &[f64; D]) -> [f64; D] {
-        factor.solve(&std::array::from_fn(|a| dot(&self.tangents[a], residual) + pull[a]))
+    fn step_by(&self, factor: &SmallCholesky<D>, residual: &Vector, pull: &[f64; D]) -> [f64; D] {
+        factor.step(&std::array::from_fn(|a| dot(&self.tangents[a], residual) + pull[a]))
     }
 
     /// `W v + w` for `W = I − T (TᵀT + μ diag(TᵀT) + K)⁻¹ Tᵀ`, where `w` is the move that the force of the spring makes:
     /// what is left of a vector when the parameter has moved. `μ = 0` leaves the part normal to the map, large `μ` the
     /// vector itself.
-    fn reduced(&self, v: &Vector, pull: &[f64; D], elimination: Option<&Factor<D>>) -> Vector {
+    fn reduced(&self, v: &Vector, pull: &[f64; D], elimination: Option<&SmallCholesky<D>>) -> Vector {
         let Some(factor) = elimination else { return *v };
         let step = self.step_by(factor, v, pull);
         let mut rest = *v;

@@ -79,7 +79,7 @@ impl Regularity {
     /// Whether a surface has turned over at samples where one before it had not.
     pub(crate) fn turned<const D: usize>(&self, map: &SplineMap<D>, before: &SplineMap<D>) -> bool {
         let sheet = Sheet::new(self, before, 0.0);
-        sheet.folds(map).turned.len() > sheet.own.turned.len()
+        sheet.turns_more(&sheet.folds(map))
     }
 }
 
@@ -140,6 +140,11 @@ impl<'a, const D: usize> Sheet<'a, D> {
             }
         }
         folds
+    }
+
+    /// Whether more samples have turned over than before the step.
+    fn turns_more(&self, folds: &Folds) -> bool {
+        folds.turned.len() > self.own.turned.len()
     }
 
     /// The functions of the cells with samples that had not turned over before, increasing.
@@ -253,7 +258,7 @@ pub(crate) fn step<const D: usize>(
             continue;
         }
         for kept in KEPT {
-            if folds.turned.len() <= sheet.own.turned.len() {
+            if !sheet.turns_more(&folds) {
                 break;
             }
             let functions = sheet.around_turned(space.as_ref(), &folds);
@@ -263,7 +268,7 @@ pub(crate) fn step<const D: usize>(
             trial = stepped(space, &coefficients, &step)?;
             folds = sheet.folds(&trial);
         }
-        return Ok((folds.turned.len() <= sheet.own.turned.len()).then_some((trial, folds.energy)));
+        return Ok((!sheet.turns_more(&folds)).then_some((trial, folds.energy)));
     }
 }
 

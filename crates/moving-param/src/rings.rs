@@ -2,8 +2,9 @@
 
 use fit_ls::SortedPoints;
 use rayon::prelude::*;
+use thb_core::SmallCholesky;
 
-use crate::descent::solve_positive;
+use crate::foot_point::point;
 use crate::patch::{Vector, difference, dot};
 
 /// Share of the variance of a ring that is added to each direction: it keeps the slopes of one-sided and of flat rings, which have
@@ -27,9 +28,7 @@ impl Rings {
     /// The rings of triangles, by indices of points.
     pub(crate) fn new<const D: usize>(triangles: &[[u32; 3]], points: &SortedPoints<D>) -> Self {
         let places = points.places();
-        let point = |i: u32| -> Vector {
-            std::array::from_fn(|k| if k < points.dim() { points.coordinates(k)[places[i as usize]] } else { 0.0 })
-        };
+        let point = |i: u32| point(points, places[i as usize]);
         let mut edges: Vec<[u32; 2]> =
             triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]]).collect();
         edges.par_sort_unstable();
@@ -44,6 +43,11 @@ impl Rings {
         });
         let entries = rings.collect::<Vec<_>>().concat();
         Self { offsets, entries }
+    }
+
+    /// Whether no point has neighbours.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.entries.is_empty()
     }
 
     /// The neighbours of a point and their weights; none where it belongs to no triangle.
@@ -62,9 +66,9 @@ fn affine_weights(ways: &[Vector]) -> Vec<f64> {
     let moment = |a: usize, b: usize| weights.iter().zip(&away).map(|(w, x)| w * x[a] * x[b]).sum::<f64>();
     let variance: [[f64; 3]; 3] = std::array::from_fn(|a| std::array::from_fn(|b| moment(a, b)));
     let total = (0..3).map(|k| variance[k][k]).sum::<f64>();
-    let scale = std::array::from_fn(|a| std::array::from_fn(|b| if a == b { total } else { 0.0 }));
     // A single neighbour has no variance, and says all there is.
-    let Some(slope) = solve_positive(&variance, &scale, RIDGE, &mean, [true; 3]) else { return weights };
+    let Some(factor) = SmallCholesky::new(&variance, &[RIDGE * total; 3], [true; 3]) else { return weights };
+    let slope = factor.step(&mean);
     for (weight, x) in weights.iter_mut().zip(&away) {
         *weight *= 1.0 + (0..3).map(|k| slope[k] * x[k]).sum::<f64>();
     }

@@ -146,9 +146,9 @@ pub(crate) fn fit(
 ) -> Result<Attempt, Error> {
     let _ = watch(Event::Step("fitting"));
     if options.method != Method::Auto {
-        return attempt(options.method, problem, space, options, watch);
+        return attempt(options.method, &JOINT, problem, space, options, watch);
     }
-    let fixed = attempt(Method::Ls, problem, space, options, watch)?;
+    let fixed = attempt(Method::Ls, &JOINT, problem, space, options, watch)?;
     let reached = fixed.fitted.stop == Stop::ToleranceReached;
     let coarsest = fixed.dofs() == space.n_functions() && reached;
     if coarsest || fixed.fitted.stop == Stop::Interrupted || options.reweighting.is_asked_for() {
@@ -171,7 +171,7 @@ pub(crate) fn fit(
     let mut best = fixed;
     for (moving, step) in tries.into_iter().take(1 + usize::from(may_be_softer)) {
         let _ = watch(Event::Step(step));
-        let other = attempt(Method::Joint, problem, space, moving, watch)?;
+        let other = attempt(Method::Joint, &JOINT, problem, space, moving, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
         let close = is_close(&other);
@@ -189,7 +189,7 @@ pub(crate) fn fit(
         let fewer =
             enough.map(|enough| if there { enough.min((WORTHWHILE * best.dofs() as f64) as usize) } else { enough });
         let freely = FitOptions { max_dofs: fewer, ..moving };
-        let other = attempt_with(Method::Joint, &FREE, problem, space, &freely, watch)?;
+        let other = attempt(Method::Joint, &FREE, problem, space, &freely, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
         if is_close(&other) || now > before {
@@ -202,19 +202,8 @@ pub(crate) fn fit(
     Ok(best)
 }
 
-/// Fits by one method, and measures what comes out.
+/// Fits by one method, the joint one as given, and measures what comes out.
 fn attempt(
-    method: Method,
-    problem: &Problem<'_>,
-    space: &Arc<HierarchicalSpace<2>>,
-    options: &FitOptions,
-    watch: &mut Watch<'_>,
-) -> Result<Attempt, Error> {
-    attempt_with(method, &JOINT, problem, space, options, watch)
-}
-
-/// The same with a joint method.
-fn attempt_with(
     method: Method,
     joint: &JointOptions,
     problem: &Problem<'_>,

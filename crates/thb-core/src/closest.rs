@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 
+use crate::small_cholesky::SmallCholesky;
 use crate::space::for_each_line;
 use crate::{BezierMap, Error};
 
@@ -189,47 +190,13 @@ impl<const D: usize> Local<D> {
         let free: [bool; D] = std::array::from_fn(|d| {
             !(t[d] <= range[d].0 && self.gradient[d] >= 0.0 || t[d] >= range[d].1 && self.gradient[d] <= 0.0)
         });
-        solve_positive(&self.hessian, &self.gradient, free, damping)
-            .or_else(|| solve_positive(&self.metric, &self.gradient, free, damping))
-            .or_else(|| solve_positive(&self.metric, &self.gradient, free, damping + self.curvature_scale()))
+        let solved = |matrix: &[[f64; D]; D], damping: f64| {
+            SmallCholesky::new(matrix, &[damping; D], free).map(|factor| factor.step(&self.gradient))
+        };
+        solved(&self.hessian, damping)
+            .or_else(|| solved(&self.metric, damping))
+            .or_else(|| solved(&self.metric, damping + self.curvature_scale()))
     }
-}
-
-/// Solves `(M + damping I) x = −g` in the free directions by Cholesky factorization; `None` unless positive definite.
-fn solve_positive<const D: usize>(
-    matrix: &[[f64; D]; D],
-    gradient: &[f64; D],
-    free: [bool; D],
-    damping: f64,
-) -> Option<[f64; D]> {
-    let mut factor = [[0.0; D]; D];
-    let mut x = [0.0; D];
-    for i in 0..D {
-        for j in 0..=i {
-            let entry = match (i == j, free[i] && free[j]) {
-                (true, true) => matrix[i][i] + damping,
-                (true, false) => 1.0,
-                (false, true) => matrix[i][j],
-                (false, false) => 0.0,
-            };
-            let rest = entry - (0..j).map(|k| factor[i][k] * factor[j][k]).sum::<f64>();
-            if i == j {
-                // Below round-off of the entry the pivot says nothing.
-                if rest <= f64::EPSILON * entry.abs() || rest.is_nan() {
-                    return None;
-                }
-                factor[i][i] = rest.sqrt();
-            } else {
-                factor[i][j] = rest / factor[j][j];
-            }
-        }
-        let right = if free[i] { -gradient[i] } else { 0.0 };
-        x[i] = (right - (0..i).map(|k| factor[i][k] * x[k]).sum::<f64>()) / factor[i][i];
-    }
-    for i in (0..D).rev() {
-        x[i] = (x[i] - (i + 1..D).map(|k| factor[k][i] * x[k]).sum::<f64>()) / factor[i][i];
-    }
-    Some(x)
 }
 
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
