@@ -4,22 +4,47 @@ use thb_core::Mark;
 
 use crate::Estimate;
 
+/// Of the points beyond the tolerance [`Marking::Worst`] refines for this multiple of those that still have to come within:
+/// refining does not bring in every point it is done for.
+const SURPLUS: f64 = 1.5;
+
+/// It refines for this share of all points beyond the tolerance at least: fewer make many small steps, and those leave
+/// ribbons of fine cells.
+const LEAST_SHARE: f64 = 0.5;
+
 /// Rules by which cells, or the children of cells that hold the points, are marked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Marking {
     /// Those with a point whose error is at least the tolerance.
     Threshold,
+    /// Of these only those with the largest errors, where points may stay beyond the tolerance: one and a half times as many
+    /// points as still have to come within, but half of those beyond at least. All of them once this brought no point within.
+    Worst,
     /// Those with one of the given share (0 to 1) of points of largest error, as far as it is at least the tolerance.
     Share(f64),
 }
 
-/// The marked places, by decreasing largest error; equal ones by number. Children of cells where the estimate tells them,
-/// whole cells otherwise.
-pub fn mark(estimate: Estimate<'_>, marking: Marking, tolerance: f64) -> Vec<Mark> {
-    let threshold = match marking {
-        Marking::Threshold => tolerance,
-        Marking::Share(share) => tolerance.max(upper_quantile(estimate.errors, share)),
-    };
+impl Marking {
+    /// The error from which on points are refined for: the tolerance or more. `within` is the share of points (0 to 1) that
+    /// has to be within the tolerance.
+    pub fn threshold(self, errors: &[f64], tolerance: f64, within: f64) -> f64 {
+        let count = match self {
+            Self::Threshold => return tolerance,
+            Self::Share(share) => share * errors.len() as f64,
+            Self::Worst => {
+                let beyond = errors.iter().filter(|&&e| e > tolerance).count() as f64;
+                let total = errors.len() as f64;
+                let lacking = beyond - (total - (within * total).ceil());
+                (SURPLUS * lacking).max(LEAST_SHARE * beyond)
+            }
+        };
+        tolerance.max(nth_largest(errors, count.ceil() as usize))
+    }
+}
+
+/// The places with a point whose error is at least the threshold, each with its largest error, by decreasing error; equal ones
+/// by number. Children of cells where the estimate tells them, whole cells otherwise.
+pub fn mark(estimate: Estimate<'_>, threshold: f64) -> Vec<(Mark, f64)> {
     let mut marked: Vec<(Mark, f64)> = Vec::new();
     for (cell, ends) in estimate.offsets.windows(2).enumerate() {
         let first = marked.len();
@@ -32,17 +57,16 @@ pub fn mark(estimate: Estimate<'_>, marking: Marking, tolerance: f64) -> Vec<Mar
         }
     }
     marked.sort_by(|a, b| b.1.total_cmp(&a.1));
-    marked.into_iter().map(|(mark, _)| mark).collect()
+    marked
 }
 
-/// The smallest of the given share of largest errors; at least one counts.
-fn upper_quantile(errors: &[f64], share: f64) -> f64 {
-    if errors.is_empty() {
+/// The `n`-th largest number, from 1; the largest for 0, the smallest beyond the end, 0 of none.
+fn nth_largest(numbers: &[f64], n: usize) -> f64 {
+    if numbers.is_empty() {
         return 0.0;
     }
-    let count = ((share * errors.len() as f64).ceil() as usize).clamp(1, errors.len());
-    let mut sorted = errors.to_vec();
-    *sorted.select_nth_unstable_by(errors.len() - count, f64::total_cmp).1
+    let mut sorted = numbers.to_vec();
+    *sorted.select_nth_unstable_by(numbers.len() - n.clamp(1, numbers.len()), f64::total_cmp).1
 }
 
 #[cfg(test)]
@@ -52,8 +76,9 @@ mod tests {
     #[test]
     fn threshold_and_share_mark_the_cells_of_large_errors() {
         let estimate = Estimate { offsets: &[0, 2, 2, 5], errors: &[0.1, 0.4, 0.2, 0.9, 0.3], children: &[] };
-        let cells = |marking, tolerance| -> Vec<usize> {
-            mark(estimate, marking, tolerance).into_iter().map(|mark| mark.cell).collect()
+        let cells = |marking: Marking, tolerance| -> Vec<usize> {
+            let threshold = marking.threshold(estimate.errors, tolerance, 1.0);
+            mark(estimate, threshold).into_iter().map(|(mark, _)| mark.cell).collect()
         };
         assert_eq!(cells(Marking::Threshold, 0.4), [2, 0]);
         assert_eq!(cells(Marking::Threshold, 0.5), [2]);
@@ -61,14 +86,28 @@ mod tests {
         assert_eq!(cells(Marking::Share(0.4), 0.0), [2, 0]);
         // Cells within the tolerance are never marked.
         assert_eq!(cells(Marking::Share(1.0), 0.95), [0_usize; 0]);
+        assert_eq!(Marking::Share(0.5).threshold(&[], 0.1, 1.0), 0.1);
+    }
+
+    #[test]
+    fn the_worst_are_as_many_as_have_to_come_within_and_some_more() {
+        // Twenty points, eight of them beyond 0.5 with errors 1, 2, ..., 8.
+        let errors: Vec<f64> = (0..20).map(|i| if i < 12 { 0.1 } else { f64::from(i - 11) }).collect();
+        let threshold = |within| Marking::Worst.threshold(&errors, 0.5, within);
+        // None may stay beyond, or two: all are refined for.
+        assert_eq!((threshold(1.0), threshold(0.9)), (0.5, 0.5));
+        // Four may: six of the eight are.
+        assert_eq!(threshold(0.8), 3.0);
+        // Seven may; one and a half is less than half of those beyond.
+        assert_eq!(threshold(0.65), 5.0);
+        assert_eq!(Marking::Threshold.threshold(&errors, 0.5, 0.65), 0.5);
     }
 
     #[test]
     fn each_child_with_a_large_error_is_marked_once() {
         let children = [0, 3, 3, 1, 3];
         let estimate = Estimate { offsets: &[0, 2, 5], errors: &[0.1, 0.4, 0.2, 0.9, 0.5], children: &children };
-        let marks = mark(estimate, Marking::Threshold, 0.2);
-        let places: Vec<_> = marks.iter().map(|mark| (mark.cell, mark.child)).collect();
-        assert_eq!(places, [(1, Some(1)), (1, Some(3)), (0, Some(3))]);
+        let places: Vec<_> = mark(estimate, 0.2).iter().map(|(mark, error)| (mark.cell, mark.child, *error)).collect();
+        assert_eq!(places, [(1, Some(1), 0.9), (1, Some(3), 0.5), (0, Some(3), 0.4)]);
     }
 }

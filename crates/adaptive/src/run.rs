@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use thb_core::{CellSpace, HierarchicalSpace, Mark, Refinement, SplineMap};
 
-use crate::{Deviation, Marking, Solve, mark};
+use crate::{Deviation, Estimate, Marking, Solve, mark};
 
 /// Iterations without progress after which the loop gives up.
 const PATIENCE: usize = 4;
@@ -21,7 +21,7 @@ pub struct Options<const D: usize> {
     pub tolerance: f64,
     /// The loop ends when this share of the points is within the tolerance; 1 asks for all of them.
     pub within: f64,
-    /// How cells are marked.
+    /// How cells are marked, unless the method has its own rule.
     pub marking: Marking,
     /// How marked cells are refined, and the largest number of levels.
     pub refinement: Refinement<D>,
@@ -32,12 +32,12 @@ pub struct Options<const D: usize> {
 }
 
 impl<const D: usize> Default for Options<D> {
-    /// Tolerance 1e-3 for 95 % of the points, threshold marking, one surrounding ring.
+    /// Tolerance 1e-3 for 95 % of the points, the worst marked, one surrounding ring.
     fn default() -> Self {
         Self {
             tolerance: 1e-3,
             within: 0.95,
-            marking: Marking::Threshold,
+            marking: Marking::Worst,
             refinement: Refinement { extension: [2; D], ..Refinement::default() },
             max_dofs: 200_000,
             max_iterations: 50,
@@ -152,7 +152,7 @@ pub fn run<const D: usize, S: Solve<D>>(
     let mut last: Option<SplineMap<D>> = None;
     let mut history: Vec<Iteration> = Vec::new();
     loop {
-        let step = iterate(method, &space, last.as_ref(), options, history.len());
+        let step = iterate(method, &space, last.as_ref(), options, &history);
         let (map, mut record, marked) = match (step, last.take()) {
             (Ok(step), _) => step,
             (Err(error), Some(map)) => {
@@ -177,14 +177,41 @@ pub fn run<const D: usize, S: Solve<D>>(
     }
 }
 
+/// Places with errors, worst first, and how many of them to refine.
+struct Marked {
+    places: Vec<Mark>,
+    count: usize,
+}
+
+impl Marked {
+    fn all(places: Vec<Mark>) -> Self {
+        Self { count: places.len(), places }
+    }
+
+    /// By the rule of the options.
+    fn new<const D: usize>(
+        estimate: Estimate<'_>,
+        deviation: &Deviation,
+        options: &Options<D>,
+        last: Option<&Iteration>,
+    ) -> Self {
+        let in_vain = last.is_some_and(|last| last.deviation.within >= deviation.within);
+        let marking = if options.marking == Marking::Worst && in_vain { Marking::Threshold } else { options.marking };
+        let threshold = marking.threshold(estimate.errors, options.tolerance, options.within);
+        let marked = mark(estimate, options.tolerance);
+        let count = marked.partition_point(|&(_, error)| error >= threshold);
+        Self { places: marked.into_iter().map(|(place, _)| place).collect(), count }
+    }
+}
+
 /// SOLVE, ESTIMATE and MARK.
 fn iterate<const D: usize, S: Solve<D>>(
     method: &mut S,
     space: &Arc<HierarchicalSpace<D>>,
     previous: Option<&SplineMap<D>>,
     options: &Options<D>,
-    iteration: usize,
-) -> Result<(SplineMap<D>, Iteration, Vec<Mark>), S::Error> {
+    history: &[Iteration],
+) -> Result<(SplineMap<D>, Iteration, Marked), S::Error> {
     let solution = method.solve(space, previous)?;
     let estimating = Instant::now();
     let estimate = method.estimate(&solution.map)?;
@@ -195,10 +222,10 @@ fn iterate<const D: usize, S: Solve<D>>(
         estimate: estimating.elapsed().as_secs_f64(),
         refine: 0.0,
     };
-    let by_rule = mark(estimate, options.marking, options.tolerance);
-    let marked = method.mark(&solution.map, options.tolerance).unwrap_or(by_rule);
+    let by_rule = Marked::new(estimate, &deviation, options, history.last());
+    let marked = method.mark(&solution.map, options.tolerance).map_or(by_rule, Marked::all);
     let record = Iteration {
-        iteration,
+        iteration: history.len(),
         dofs: space.n_functions(),
         levels: space.n_levels(),
         cells: space.n_cells(),
@@ -243,25 +270,32 @@ fn stagnates(record: &Iteration, history: &[Iteration]) -> bool {
         .all(|&of| of(&record.deviation).min(best(of, recent)) > (1.0 - PROGRESS) * best(of, &history[..before]))
 }
 
-/// Refines the marked cells, worst first, as far as the limit on functions allows.
+/// Refines the marked cells, worst first, as far as the limit on functions allows. Where none of those to refine can be,
+/// all that have errors are.
 fn refine<const D: usize, S: Solve<D>>(
     method: &S,
     space: &HierarchicalSpace<D>,
-    marked: &[Mark],
+    marked: &Marked,
     options: &Options<D>,
 ) -> Result<HierarchicalSpace<D>, Stop> {
-    if marked.is_empty() {
+    if marked.places.is_empty() {
         return Err(Stop::Data);
     }
     // Indices of marked cells come from the space itself, so what remains of errors is the limit on levels.
-    let of_worst = |count: usize| method.refine(space, &marked[..count], &options.refinement).map_err(|_| Stop::Levels);
-    let mut best = of_worst(marked.len())?;
+    let of_worst =
+        |count: usize| method.refine(space, &marked.places[..count], &options.refinement).map_err(|_| Stop::Levels);
+    let mut count = marked.count;
+    let mut best = of_worst(count)?;
+    if best.n_cells() == space.n_cells() && count < marked.places.len() {
+        count = marked.places.len();
+        best = of_worst(count)?;
+    }
     if best.n_cells() == space.n_cells() {
         return Err(Stop::Levels);
     }
     if best.n_functions() > options.max_dofs {
         // The number of functions grows with the number of cells: halve the interval that holds the last possible one.
-        let (mut possible, mut excessive) = (0, marked.len());
+        let (mut possible, mut excessive) = (0, count);
         best = space.clone();
         while excessive - possible > 1 {
             let middle = possible.midpoint(excessive);

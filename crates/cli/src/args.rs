@@ -202,8 +202,8 @@ pub(crate) struct FitArgs {
     #[arg(long, help_heading = "When it is good enough")]
     max_dofs: Option<usize>,
 
-    /// Where to refine: threshold (around points beyond the tolerance) or share:S (those with the worst share S of
-    /// the points).
+    /// Where to refine: worst (around the worst points, as far as --within leaves points out), threshold (around all points
+    /// beyond the tolerance) or share:S (around the worst share S of all points).
     #[arg(long, default_value_t = FitOptions::default().mark, help_heading = "How it is refined")]
     mark: Mark,
     /// Cells of the next level by which the region around points beyond the tolerance is extended, as 2 or 2,1: 2 is one
@@ -367,8 +367,8 @@ pub(crate) struct CurveArgs {
     /// Share of the points that must be within the tolerance; 1 for all.
     #[arg(long, visible_alias = "nu", default_value_t = CurveOptions::default().within, allow_hyphen_values = true, help_heading = "When it is good enough")]
     within: f64,
-    /// Spans that get a knot: threshold (those with a point beyond the tolerance) or share:S (those with the worst share S
-    /// of the points).
+    /// Spans that get a knot: share:S (those with the worst share S of the points), threshold (those with a point beyond
+    /// the tolerance) or worst (those with the worst of these points, as far as --within leaves points out).
     #[arg(long, default_value_t = CurveOptions::default().mark, help_heading = "When it is good enough")]
     mark: Mark,
     /// How often the domain may be halved: no span gets shorter.

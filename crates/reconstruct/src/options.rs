@@ -91,7 +91,7 @@ impl Default for FitOptions {
             max_dofs: None,
             max_step_control_points: 20_000,
             trim_holes: false,
-            mark: Mark(Marking::Threshold),
+            mark: Mark(Marking::Worst),
             extension: None,
             admissible: None,
             energy: Energy::Exact,
@@ -463,7 +463,8 @@ impl fmt::Display for LambdaChoice {
     }
 }
 
-/// Which cells are refined: `threshold`, or `share:0.1` for those with the worst tenth of the points.
+/// Which cells are refined: around the `worst` points as far as points may be left out, around all beyond the tolerance
+/// (`threshold`), or `share:0.1` for those with the worst tenth of the points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mark(pub Marking);
 
@@ -473,9 +474,10 @@ impl FromStr for Mark {
     fn from_str(text: &str) -> Result<Self, ParseOptionError> {
         let share = text.strip_prefix("share:").and_then(|number| number.parse().ok());
         match (text, share) {
+            ("worst", _) => Ok(Self(Marking::Worst)),
             ("threshold", _) => Ok(Self(Marking::Threshold)),
             (_, Some(share)) => Ok(Self(Marking::Share(share))),
-            _ => Err(parse_error(text, "threshold, or share:S with a share S such as 0.1")),
+            _ => Err(parse_error(text, "worst, threshold, or share:S with a share S such as 0.1")),
         }
     }
 }
@@ -483,6 +485,7 @@ impl FromStr for Mark {
 impl fmt::Display for Mark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
+            Marking::Worst => f.write_str("worst"),
             Marking::Threshold => f.write_str("threshold"),
             Marking::Share(share) => write!(f, "share:{share}"),
         }
@@ -498,7 +501,7 @@ mod tests {
         for text in ["0.1%", "0.0001", "12"] {
             assert_eq!(text.parse::<Tolerance>().unwrap().to_string(), text);
         }
-        for text in ["threshold", "share:0.1"] {
+        for text in ["worst", "threshold", "share:0.1"] {
             assert_eq!(text.parse::<Mark>().unwrap().to_string(), text);
         }
         assert_eq!("8x4".parse(), Ok(Pair([8, 4])));

@@ -102,7 +102,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     }
     let shortest = length * 0.5_f64.powi(options.halvings as i32);
     let moving = moving_options(options, tolerance);
-    let mut method = CurveMethod::new(&sequence, fitting, moving, options.mark.0, shortest, tolerance)?;
+    let mut method = CurveMethod::new(&sequence, fitting, moving, options.mark.0, shortest, tolerance, options.within)?;
     let adapts = options.knots == KnotChoice::Adaptive;
     let rules = adaptive::Options {
         tolerance,

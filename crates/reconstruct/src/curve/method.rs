@@ -19,13 +19,15 @@ pub(super) struct CurveMethod<'a> {
     /// At the present parameters.
     fixed: LeastSquares<1>,
     marking: Marking,
+    tolerance: f64,
+    /// The share of the points that has to be within the tolerance.
+    within: f64,
     /// No span gets shorter.
     shortest: f64,
     /// Where each span would be divided, if it can be; of the map that was estimated last.
     places: Vec<Option<f64>>,
     /// The spans to divide, worst first.
     marked: Vec<usize>,
-    tolerance: f64,
 }
 
 impl<'a> CurveMethod<'a> {
@@ -36,6 +38,7 @@ impl<'a> CurveMethod<'a> {
         marking: Marking,
         shortest: f64,
         tolerance: f64,
+        within: f64,
     ) -> Result<Self, moving_param::Error> {
         let parameters = sequence.parameters.view().insert_axis(Axis(1));
         let points = sequence.points.view();
@@ -43,7 +46,7 @@ impl<'a> CurveMethod<'a> {
         let moving =
             moving.map(|options| MovingFit::new(parameters, points, None, fitting.clone(), options)).transpose()?;
         let (places, marked) = (Vec::new(), Vec::new());
-        Ok(Self { sequence, fitting, moving, fixed, marking, shortest, places, marked, tolerance })
+        Ok(Self { sequence, fitting, moving, fixed, marking, tolerance, within, shortest, places, marked })
     }
 
     /// The present parameters, in the order of the points.
@@ -112,7 +115,8 @@ impl Solve<1> for CurveMethod<'_> {
             })
             .collect();
         let estimate = self.fixed.estimate(map)?;
-        self.marked = mark_divisible(estimate, &self.places, map.space().degree()[0], self.marking, self.tolerance);
+        let threshold = |errors: &[f64]| self.marking.threshold(errors, self.tolerance, self.within);
+        self.marked = mark_divisible(estimate, &self.places, map.space().degree()[0], threshold);
         Ok(estimate)
     }
 
@@ -150,14 +154,13 @@ fn with_knots(knots: &KnotVector, further: &[f64]) -> Result<KnotVector, thb_cor
     Ok(knots.insert(further, Array2::zeros((knots.n_functions(), 1)).view())?.0)
 }
 
-/// The marked ones of the spans that can be divided, worst first. The errors of a span that cannot be, a single point's,
+/// The spans that can be divided and have an error of at least the threshold for all errors, worst first. The errors of a span that cannot be, a single point's,
 /// count for the nearest ones on both sides that share a function with it.
 fn mark_divisible(
     estimate: Estimate<'_>,
     places: &[Option<f64>],
     degree: usize,
-    marking: Marking,
-    tolerance: f64,
+    threshold: impl Fn(&[f64]) -> f64,
 ) -> Vec<usize> {
     let mut errors: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
     let divisible = |span: &usize| places[*span].is_some();
@@ -180,8 +183,8 @@ fn mark_divisible(
         listed.extend_from_slice(&errors[span]);
         offsets.push(listed.len());
     }
-    let among = adaptive::mark(Estimate { offsets: &offsets, errors: &listed, children: &[] }, marking, tolerance);
-    among.into_iter().map(|mark| spans[mark.cell]).collect()
+    let among = adaptive::mark(Estimate { offsets: &offsets, errors: &listed, children: &[] }, threshold(&listed));
+    among.into_iter().map(|(mark, _)| spans[mark.cell]).collect()
 }
 
 /// The coarsest dyadic place of a span with points on both its sides: with a point in every span no function lacks data.
