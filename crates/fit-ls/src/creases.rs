@@ -55,11 +55,11 @@ pub fn creases(map: &SplineMap<2>, samples: usize) -> Result<f64, Error> {
     Ok(turned as f64 / pairs.max(1) as f64)
 }
 
-fn cross([a, b]: [[f64; 3]; 2]) -> [f64; 3] {
+pub(crate) fn cross([a, b]: [[f64; 3]; 2]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+pub(crate) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     (0..3).map(|k| a[k] * b[k]).sum()
 }
 

@@ -42,6 +42,7 @@ mod plain;
 mod reweight;
 mod reweighted;
 mod sorted;
+mod tilted;
 
 pub use block::BlockEquations;
 pub use boundary::{Side, boundary_coefficients, boundary_functions};
@@ -61,3 +62,4 @@ pub use plain::weighted_least_squares;
 pub use reweight::{Loss, MarkerRules, Markers, PointWeights, Reweighting, Robust, Update, median_scale};
 pub use reweighted::{Reweighted, ReweightingReport};
 pub use sorted::SortedPoints;
+pub use tilted::tilted;

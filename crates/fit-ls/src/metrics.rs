@@ -101,9 +101,8 @@ pub fn map_to_points<const D: usize>(
     samples: usize,
 ) -> Result<f64, Error> {
     check_widths(map, points)?;
-    let padded: Vec<[f64; 3]> =
-        points.outer_iter().map(|row| std::array::from_fn(|k| row.get(k).copied().unwrap_or(0.0))).collect();
-    let tree: ImmutableKdTree<f64, 3> = ImmutableKdTree::new_from_slice(&padded).map_err(|_| Error::NoPoints)?;
+    let tree: ImmutableKdTree<f64, 3> =
+        ImmutableKdTree::new_from_slice(&padded(points)).map_err(|_| Error::NoPoints)?;
     let bezier = map.bezier();
     let per_cell = samples.max(2);
     let largest = (0..bezier.n_cells())
@@ -126,7 +125,12 @@ pub fn map_to_points<const D: usize>(
     Ok(largest.sqrt())
 }
 
-fn check_widths<const D: usize>(map: &SplineMap<D>, points: ArrayView2<'_, f64>) -> Result<(), Error> {
+/// Rows of up to three coordinates, with zeros for those that are missing.
+pub(crate) fn padded(rows: ArrayView2<'_, f64>) -> Vec<[f64; 3]> {
+    rows.outer_iter().map(|row| std::array::from_fn(|k| row.get(k).copied().unwrap_or(0.0))).collect()
+}
+
+pub(crate) fn check_widths<const D: usize>(map: &SplineMap<D>, points: ArrayView2<'_, f64>) -> Result<(), Error> {
     if points.nrows() == 0 {
         return Err(Error::NoPoints);
     }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use adaptive::{Iteration, Observer, Outcome, Stop, run};
-use fit_ls::{LeastSquares, creases, directed_hausdorff, map_to_points};
+use fit_ls::{LeastSquares, creases, directed_hausdorff, map_to_points, tilted};
 use moving_param::{Blend, Distance, JointOptions, Moves, MovingFit, Schedule};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use param_classic::triangulate_parameters;
@@ -53,6 +53,9 @@ const CREASED: f64 = 5e-4;
 /// What they may add to that share of fixed parameters where those reach the tolerance, too. Of the scans looked at, a head with
 /// 1.4e-4 shows no more lines than with fixed parameters, and three cusps with 1.7e-4 show creases between them.
 const CREASED_MORE: f64 = 1.5e-4;
+
+/// What parameters that move freely may add to the share of the area that lies across the points.
+const SCARRED_MORE: f64 = 2e-4;
 
 /// Share of the control points of a fit with fixed parameters that one with moving parameters may need at most, and of one whose
 /// parameters move alike that one may whose parameters move freely: what is gained must be worth less even isolines.
@@ -192,7 +195,10 @@ pub(crate) fn fit(
         let other = attempt(Method::Joint, &FREE, problem, space, &freely, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
-        if is_close(&other) || now > before {
+        let scars = Scars::new(problem.points);
+        let (scarred_before, scarred) = (scars.share(&best.fitted.map)?, scars.share(&other.fitted.map)?);
+        tracing::info!(scarred_before, scarred, "area that lies across the points");
+        if (is_close(&other) || now > before) && scarred <= scarred_before + SCARRED_MORE {
             best = other;
         }
     }
@@ -200,6 +206,25 @@ pub(crate) fn fit(
         best.fitted.stop = Stop::ToleranceReached;
     }
     Ok(best)
+}
+
+/// What tells scars of surfaces over the same points.
+struct Scars<'a> {
+    points: ArrayView2<'a, f64>,
+    /// Unit normals at the points; `None` where there are too few points for any.
+    normals: Option<Array2<f64>>,
+}
+
+impl<'a> Scars<'a> {
+    fn new(points: ArrayView2<'a, f64>) -> Self {
+        Self { points, normals: LocalFrames::estimate(points).ok().map(|frames| frames.normals) }
+    }
+
+    /// Share of the area of a surface that lies across the points around it.
+    fn share(&self, map: &SplineMap<2>) -> Result<f64, Error> {
+        let Some(normals) = &self.normals else { return Ok(0.0) };
+        Ok(tilted(map, self.points, normals.view(), CREASE_SAMPLES)?)
+    }
 }
 
 /// Fits by one method, the joint one as given, and measures what comes out.
