@@ -96,8 +96,8 @@ pub struct JointOptions {
     /// Stiffness of springs that let the parameter of a point move as those of its neighbours do, in the same measure. Needs triangles
     /// ([`crate::MovingFit::with_centres`]). 0 for none.
     pub cohesion: f64,
-    /// Weight of the centres of triangles between the points, in cells with few points: they keep the surface from swinging
-    /// between points, but are no data: errors do not fall to round-off. Needs triangles
+    /// Weight of the centres of triangles between the points, and of the edges of their rim, where points leave cells empty: they
+    /// keep the surface from swinging between points and beyond them, but are no data: errors do not fall to round-off. Needs triangles
     /// ([`crate::MovingFit::with_centres`]). 0 for none.
     pub between: f64,
     /// How much it costs that a surface in space folds: for each point of the part that folds, times the mean squared distance

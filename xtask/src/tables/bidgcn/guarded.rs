@@ -4,10 +4,11 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use adaptive::Marking;
 use anyhow::{Context, Result};
 use geom_io::{ReadOptions, Scan, read_scan};
 use param_classic::BOUNDARY_TOLERANCE;
-use reconstruct::{Fit, FitOptions, GivenCorners, Method, Networks, ParameterOptions, Tolerance, fit_scan};
+use reconstruct::{Fit, FitOptions, GivenCorners, Mark, Method, Networks, ParameterOptions, Tolerance, fit_scan};
 
 use super::real::WITH_PARAMETERS;
 use super::text;
@@ -60,8 +61,13 @@ impl Task {
 
     fn fit(&self, networks: Networks) -> Result<(Fit, f64)> {
         let parameters = ParameterOptions { networks, corners: self.corners, ..ParameterOptions::default() };
-        let options =
-            FitOptions { parameters, tol: Tolerance::Percent(TOLERANCE), method: Method::Ls, ..FitOptions::default() };
+        let options = FitOptions {
+            parameters,
+            tol: Tolerance::Percent(TOLERANCE),
+            method: Method::Ls,
+            mark: Mark(Marking::Threshold),
+            ..FitOptions::default()
+        };
         let clock = ProcessorClock::start();
         let fit = fit_scan(self.scan.clone(), &self.name, &options, &mut |_| ControlFlow::Continue(()))?;
         Ok((fit, clock.seconds()))

@@ -98,7 +98,7 @@ factor of 0.32; (c), on a face of 9283 points that is not public, BIDGCN 2687, 1
 pub(super) const BEFORE_GUARDED: &str = "
 ## A guarded second opinion
 
-What `thb fit CLOUD --tol 0.5% --method ls` makes of clouds without triangles or parameters, without and with `--networks on`. The networks
+What `thb fit CLOUD --tol 0.5% --method ls --mark threshold` makes of clouds without triangles or parameters, without and with `--networks on`. The networks
 are asked for the parameters of all points (where the classical map has folds) and of 2000 well-spread ones, which a smooth map
 of the square carries to all; of these, and of points half and a quarter of the way to them, the best is taken that folds no
 more triangles than the classical map, if its coarse quick fit is no worse, its fine one leaves at most 0.9 of the error, and no
