@@ -1,6 +1,6 @@
 //! Weak samples of the triangles between the points.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use fit_ls::{BlockEquations, SortedPoints};
 use ndarray::Array2;
@@ -50,6 +50,9 @@ const ENOUGH: usize = 2;
 /// rim, and 1 took more control points on a noisy one.
 const RIM: f64 = 0.3;
 
+/// Cosine of the angle between two edges of the rim from which on there is a corner.
+const CORNER: f64 = 0.5;
+
 impl Between {
     /// Samples of those triangles, by indices of points, and of the edges of their rim, that lie in cells with few points or stand for
     /// many; `None` if there are none.
@@ -69,7 +72,8 @@ impl Between {
                 simplices.push(Simplex { corners: [a, b, c], axis: unit(normal), along, across: ALONG * along });
             }
         }
-        for [a, b] in rim(triangles) {
+        let rim = rim(triangles);
+        for &[a, b] in &rim {
             if let Some(count) = stands_for(space, points, &at_of, [a, b, b])? {
                 let axis = unit(difference(&point(b), &point(a)));
                 let across = RIM * weight * count.max(1.0);
@@ -79,12 +83,16 @@ impl Between {
         if simplices.is_empty() {
             return Ok(None);
         }
+        let rim = Rim::new(&rim);
         let normals = (points.dim() == 3).then(|| vertex_normals(triangles, points.len(), point));
         let mut centres = Array2::zeros((simplices.len(), points.dim()));
         for (mut row, Simplex { corners, .. }) in centres.outer_iter_mut().zip(&simplices) {
             let [a, b, c] = corners.map(point);
             let centre = match &normals {
-                _ if corners[1] == corners[2] => std::array::from_fn(|k| 0.5 * (a[k] + b[k])),
+                _ if corners[1] == corners[2] => {
+                    let [before, after] = rim.beside([corners[0], corners[1]]).map(|i| i.map(point));
+                    curved_middle(before, [a, b], after)
+                }
                 normals => curved_centre([a, b, c], normals.as_ref().map(|n| corners.map(|i| n[i as usize]))),
             };
             row.iter_mut().zip(centre).for_each(|(target, x)| *target = x);
@@ -211,6 +219,43 @@ fn rim(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     edges().filter(|&[a, b]| !all.contains(&[b, a])).collect()
 }
 
+/// What comes before and after each point of the rim.
+struct Rim {
+    before: HashMap<u32, u32>,
+    after: HashMap<u32, u32>,
+}
+
+impl Rim {
+    fn new(edges: &[[u32; 2]]) -> Self {
+        let before = edges.iter().map(|&[a, b]| (b, a)).collect();
+        Self { before, after: edges.iter().map(|&[a, b]| (a, b)).collect() }
+    }
+
+    /// The points before and after an edge.
+    fn beside(&self, [a, b]: [u32; 2]) -> [Option<u32>; 2] {
+        [self.before.get(&a), self.after.get(&b)].map(|point| point.copied())
+    }
+}
+
+/// The middle of the cubic over an edge whose directions at its ends are those of parabolas through the points beside it; the
+/// edge's own at corners of the rim.
+fn curved_middle(before: Option<Vector>, [a, b]: [Vector; 2], after: Option<Vector>) -> Vector {
+    let edge = difference(&b, &a);
+    let length = dot(&edge, &edge).sqrt();
+    let along = unit(edge);
+    let direction = |beside: Option<Vector>| {
+        let Some(beside) = beside else { return along };
+        let far = dot(&beside, &beside).sqrt();
+        let other = unit(beside);
+        if dot(&other, &along) < CORNER || far + length == 0.0 {
+            return along;
+        }
+        std::array::from_fn(|k| (other[k] * length + along[k] * far) / (far + length))
+    };
+    let (start, end) = (direction(before.map(|p| difference(&a, &p))), direction(after.map(|p| difference(&p, &b))));
+    std::array::from_fn(|k| 0.5 * (a[k] + b[k]) + length / 8.0 * (start[k] - end[k]))
+}
+
 /// The centre of the parameters of a triangle or an edge, which may lie across a seam.
 fn centre<const D: usize>(
     space: &HierarchicalSpace<D>,
@@ -263,6 +308,18 @@ mod tests {
         // With few points all are needed.
         let points = flat(&parameters[..12], &space);
         assert!(stands_for(&space, &points, &points.places(), [1, 2, 2]).unwrap().is_some());
+    }
+
+    #[test]
+    fn middles_of_edges_lie_on_the_parabola_of_the_rim() {
+        let on = |x: f64| [x, 0.1 * x * x, 0.0, 0.0];
+        // Slopes at both ends are exact; lengths and abscissae differ in second order.
+        let middle = curved_middle(Some(on(-1.0)), [on(0.0), on(0.5)], Some(on(2.0)));
+        assert!((middle[1] - 0.1 * 0.25 * 0.25).abs() < 1e-3, "{middle:?}");
+        assert!((0.1 * 0.5 * 0.5 / 2.0 - middle[1]) > 5e-3);
+        // A right angle is a corner; without neighbours the edge is straight.
+        let middle = curved_middle(Some([0.0, 1.0, 0.0, 0.0]), [on(0.0), [1.0, 0.0, 0.0, 0.0]], None);
+        assert_eq!(middle, [0.5, 0.0, 0.0, 0.0]);
     }
 
     #[test]

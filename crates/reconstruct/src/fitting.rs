@@ -57,6 +57,9 @@ const CREASED_MORE: f64 = 1.5e-4;
 /// What parameters that move freely may add to the share of the area that lies across the points.
 const SCARRED_MORE: f64 = 2e-4;
 
+/// Beyond this share the normals of the points are no good: points on distant lines have neighbours on their own line only.
+const SCARRED_MOST: f64 = 0.05;
+
 /// Share of the control points of a fit with fixed parameters that one with moving parameters may need at most, and of one whose
 /// parameters move alike that one may whose parameters move freely: what is gained must be worth less even isolines.
 const WORTHWHILE: f64 = 0.8;
@@ -195,10 +198,11 @@ pub(crate) fn fit(
         let other = attempt(Method::Joint, &FREE, problem, space, &freely, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
-        let scars = Scars::new(problem.points);
-        let (scarred_before, scarred) = (scars.share(&best.fitted.map)?, scars.share(&other.fitted.map)?);
+        let sides = Sides::new(problem.points);
+        let (scarred_before, scarred) = (sides.scarred(&best.fitted.map)?, sides.scarred(&other.fitted.map)?);
         tracing::info!(scarred_before, scarred, "area that lies across the points");
-        if (is_close(&other) || now > before) && scarred <= scarred_before + SCARRED_MORE {
+        let scars = scarred_before <= SCARRED_MOST && scarred > scarred_before + SCARRED_MORE;
+        if (is_close(&other) || now > before) && !scars {
             best = other;
         }
     }
@@ -208,20 +212,20 @@ pub(crate) fn fit(
     Ok(best)
 }
 
-/// What tells scars of surfaces over the same points.
-struct Scars<'a> {
+/// Which way the points lie, which tells scars of surfaces over them.
+struct Sides<'a> {
     points: ArrayView2<'a, f64>,
     /// Unit normals at the points; `None` where there are too few points for any.
     normals: Option<Array2<f64>>,
 }
 
-impl<'a> Scars<'a> {
+impl<'a> Sides<'a> {
     fn new(points: ArrayView2<'a, f64>) -> Self {
         Self { points, normals: LocalFrames::estimate(points).ok().map(|frames| frames.normals) }
     }
 
     /// Share of the area of a surface that lies across the points around it.
-    fn share(&self, map: &SplineMap<2>) -> Result<f64, Error> {
+    fn scarred(&self, map: &SplineMap<2>) -> Result<f64, Error> {
         let Some(normals) = &self.normals else { return Ok(0.0) };
         Ok(tilted(map, self.points, normals.view(), CREASE_SAMPLES)?)
     }
