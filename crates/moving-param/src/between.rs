@@ -88,12 +88,11 @@ impl Between {
         let mut centres = Array2::zeros((simplices.len(), points.dim()));
         for (mut row, Simplex { corners, .. }) in centres.outer_iter_mut().zip(&simplices) {
             let [a, b, c] = corners.map(point);
-            let centre = match &normals {
-                _ if corners[1] == corners[2] => {
-                    let [before, after] = rim.beside([corners[0], corners[1]]).map(|i| i.map(point));
-                    curved_middle(before, [a, b], after)
-                }
-                normals => curved_centre([a, b, c], normals.as_ref().map(|n| corners.map(|i| n[i as usize]))),
+            let centre = if corners[1] == corners[2] {
+                let [before, after] = rim.beside([corners[0], corners[1]]).map(|i| i.map(point));
+                curved_middle(before, [a, b], after)
+            } else {
+                curved_centre([a, b, c], normals.as_ref().map(|n| corners.map(|i| n[i as usize])))
             };
             row.iter_mut().zip(centre).for_each(|(target, x)| *target = x);
         }

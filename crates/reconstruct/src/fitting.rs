@@ -54,8 +54,9 @@ const CREASED: f64 = 5e-4;
 /// 1.4e-4 shows no more lines than with fixed parameters, and three cusps with 1.7e-4 show creases between them.
 const CREASED_MORE: f64 = 1.5e-4;
 
-/// What parameters that move freely may add to the share of the area that lies across the points.
-const SCARRED_MORE: f64 = 2e-4;
+/// What parameters that move freely may add to the share of the area that lies across the points, and the factor by which it may
+/// grow besides: with few points their normals are rough, and all surfaces lie across some.
+const SCARRED_MORE: (f64, f64) = (2e-4, 1.25);
 
 /// Beyond this share the normals of the points are no good: points on distant lines have neighbours on their own line only.
 const SCARRED_MOST: f64 = 0.05;
@@ -201,7 +202,7 @@ pub(crate) fn fit(
         let sides = Sides::new(problem.points);
         let (scarred_before, scarred) = (sides.scarred(&best.fitted.map)?, sides.scarred(&other.fitted.map)?);
         tracing::info!(scarred_before, scarred, "area that lies across the points");
-        let scars = scarred_before <= SCARRED_MOST && scarred > scarred_before + SCARRED_MORE;
+        let scars = scarred_before <= SCARRED_MOST && scarred > SCARRED_MORE.0 + SCARRED_MORE.1 * scarred_before;
         if (is_close(&other) || now > before) && !scars {
             best = other;
         }
