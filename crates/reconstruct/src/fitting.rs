@@ -199,12 +199,13 @@ pub(crate) fn fit(
         let other = attempt(Method::Joint, &FREE, problem, space, &freely, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
-        let sides = Sides::new(problem.points);
-        let (scarred_before, scarred) = (sides.scarred(&best.fitted.map)?, sides.scarred(&other.fitted.map)?);
-        tracing::info!(scarred_before, scarred, "area that lies across the points");
-        let scars = scarred_before <= SCARRED_MOST && scarred > SCARRED_MORE.0 + SCARRED_MORE.1 * scarred_before;
-        if (is_close(&other) || now > before) && !scars {
-            best = other;
+        if is_close(&other) || now > before {
+            let sides = Sides::new(problem.points);
+            let (before, now) = (sides.scarred(&best.fitted.map)?, sides.scarred(&other.fitted.map)?);
+            tracing::info!(before, now, "area that lies across the points");
+            if !there || before > SCARRED_MOST || now <= SCARRED_MORE.0 + SCARRED_MORE.1 * before {
+                best = other;
+            }
         }
     }
     if best.within() >= options.within && best.fitted.stop != Stop::Interrupted {
