@@ -18,7 +18,7 @@ fn options_out_of_range() {
         ("--tol tight", "--tol"),
         ("--mark share:2", "--mark"),
         ("--mark share:0", "--mark"),
-        ("--mark worst", "--mark"),
+        ("--mark best", "--mark"),
         ("--mesh 0x4", "--mesh"),
         ("--mesh 4x5000", "--mesh"),
         ("--within 1.5", "--within"),
