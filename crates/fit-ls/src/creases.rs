@@ -1,7 +1,7 @@
 //! Creases: places where a surface turns over between one sample and the next.
 
 use rayon::prelude::*;
-use thb_core::{CellSpace, SplineMap};
+use thb_core::{BezierMap, CellSpace, SplineMap};
 
 use crate::Error;
 
@@ -18,12 +18,7 @@ pub fn creases(map: &SplineMap<2>, samples: usize) -> Result<f64, Error> {
     let bezier = map.bezier();
     let per_cell = samples.max(2);
     let space = map.space();
-    let normal = |cell: usize, u: [f64; 2]| {
-        let mut tangents = [[0.0; 3]; 2];
-        bezier.derivative(cell, u, [1, 0], &mut tangents[0]);
-        bezier.derivative(cell, u, [0, 1], &mut tangents[1]);
-        cross(tangents)
-    };
+    let normal = |cell: usize, u: [f64; 2]| area_vector(bezier, cell, u);
     let of_cell = |cell: usize| -> Result<[usize; 2], Error> {
         let (lower, upper) = bezier.cell_box(cell);
         let at = |d: usize, i: usize| lower[d] + (upper[d] - lower[d]) * (i as f64 + 0.5) / per_cell as f64;
@@ -55,7 +50,15 @@ pub fn creases(map: &SplineMap<2>, samples: usize) -> Result<f64, Error> {
     Ok(turned as f64 / pairs.max(1) as f64)
 }
 
-pub(crate) fn cross([a, b]: [[f64; 3]; 2]) -> [f64; 3] {
+/// `S_u × S_v` of a surface in space at a parameter of a cell.
+pub(crate) fn area_vector(bezier: &BezierMap<2>, cell: usize, u: [f64; 2]) -> [f64; 3] {
+    let mut tangents = [[0.0; 3]; 2];
+    bezier.derivative(cell, u, [1, 0], &mut tangents[0]);
+    bezier.derivative(cell, u, [0, 1], &mut tangents[1]);
+    cross(tangents)
+}
+
+fn cross([a, b]: [[f64; 3]; 2]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

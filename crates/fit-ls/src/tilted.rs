@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use thb_core::SplineMap;
 
 use crate::Error;
-use crate::creases::{cross, dot};
+use crate::creases::{area_vector, dot};
 use crate::metrics::{check_widths, padded};
 
 /// Points whose normals a sample is compared with. A fold may lie beside a sharp edge, with points of both its sides around it.
@@ -43,14 +43,12 @@ pub fn tilted(
         let (lower, upper) = bezier.cell_box(cell);
         let size = (upper[0] - lower[0]) * (upper[1] - lower[1]);
         let mut areas = [0.0; 2];
-        let (mut image, mut tangents) = ([0.0; 3], [[0.0; 3]; 2]);
+        let mut image = [0.0; 3];
         for linear in 0..per_cell * per_cell {
             let at = [linear % per_cell, linear / per_cell];
             let u = std::array::from_fn(|d| lower[d] + (upper[d] - lower[d]) * (at[d] as f64 + 0.5) / per_cell as f64);
             bezier.derivative(cell, u, [0, 0], &mut image);
-            bezier.derivative(cell, u, [1, 0], &mut tangents[0]);
-            bezier.derivative(cell, u, [0, 1], &mut tangents[1]);
-            let normal = cross(tangents);
+            let normal = area_vector(bezier, cell, u);
             let area = dot(&normal, &normal).sqrt();
             let alike = |item: u32| dot(&normal, &normals[item as usize]).abs() > COSINE * area;
             let around = tree.query(&image).nearest_n::<SquaredEuclidean<f64>>(nearest).execute();
@@ -80,13 +78,7 @@ mod tests {
             let coefficients = Array2::from_shape_fn((121, 3), |(i, k)| match k {
                 0 => (i % 11) as f64 / 10.0,
                 1 => (i / 11) as f64 / 10.0,
-                _ => {
-                    if i % 11 == 5 {
-                        h
-                    } else {
-                        0.0
-                    }
-                }
+                _ => [0.0, h][usize::from(i % 11 == 5)],
             });
             SplineMap::new(space.clone(), coefficients).unwrap()
         };

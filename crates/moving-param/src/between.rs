@@ -26,16 +26,31 @@ pub(crate) struct Between {
 }
 
 /// A triangle, or an edge of the rim.
-#[derive(Clone, Copy, Debug)]
+#[derive(Debug)]
 struct Simplex {
-    /// Its points by index; an edge names its second twice.
-    corners: [u32; 3],
+    corners: Corners,
     /// Unit normal of a triangle, unit direction of an edge.
     axis: Vector,
     /// How strongly residuals count along the axis.
     along: f64,
     /// And across it.
     across: f64,
+}
+
+/// The points of a triangle or an edge, by index.
+#[derive(Clone, Copy, Debug)]
+enum Corners {
+    Triangle([u32; 3]),
+    Edge([u32; 2]),
+}
+
+impl Corners {
+    fn indices(&self) -> &[u32] {
+        match self {
+            Self::Triangle(corners) => corners,
+            Self::Edge(ends) => ends,
+        }
+    }
 }
 
 /// `τ`: how much less a centre holds along its triangle or edge. With 1 the parameters of centres are held where a map that is
@@ -58,43 +73,44 @@ impl Between {
     /// many; `None` if there are none.
     pub(crate) fn new<const D: usize>(
         triangles: &[[u32; 3]],
+        rim: &[RimEdge],
         space: &HierarchicalSpace<D>,
         points: &SortedPoints<D>,
         weight: f64,
     ) -> Result<Option<Self>, Error> {
         let at_of = points.places();
-        let point = |i: u32| point(points, at_of[i as usize]);
-        let mut simplices = Vec::new();
-        for &[a, b, c] in triangles {
-            if let Some(count) = stands_for(space, points, &at_of, [a, b, c])? {
-                let normal = cross(&difference(&point(b), &point(a)), &difference(&point(c), &point(a)));
-                let along = weight * count.max(1.0);
-                simplices.push(Simplex { corners: [a, b, c], axis: unit(normal), along, across: ALONG * along });
-            }
+        let stands_for = |corners| stands_for(space, points, &at_of, corners);
+        let (mut faces, mut edges) = (Vec::new(), Vec::new());
+        for &corners in triangles {
+            faces.extend(stands_for(Corners::Triangle(corners))?.map(|count| (corners, count)));
         }
-        let rim = rim(triangles);
-        for &[a, b] in &rim {
-            if let Some(count) = stands_for(space, points, &at_of, [a, b, b])? {
-                let axis = unit(difference(&point(b), &point(a)));
-                let across = RIM * weight * count.max(1.0);
-                simplices.push(Simplex { corners: [a, b, b], axis, along: ALONG * across, across });
-            }
+        for edge in rim {
+            edges.extend(stands_for(Corners::Edge(edge.ends))?.map(|count| (edge, count)));
         }
-        if simplices.is_empty() {
+        if faces.is_empty() && edges.is_empty() {
             return Ok(None);
         }
-        let rim = Rim::new(&rim);
+        let point = |i: u32| point(points, at_of[i as usize]);
         let normals = (points.dim() == 3).then(|| vertex_normals(triangles, points.len(), point));
-        let mut centres = Array2::zeros((simplices.len(), points.dim()));
-        for (mut row, Simplex { corners, .. }) in centres.outer_iter_mut().zip(&simplices) {
+        let mut simplices = Vec::with_capacity(faces.len() + edges.len());
+        let mut centres = Array2::zeros((faces.len() + edges.len(), points.dim()));
+        let mut add = |simplex, centre: Vector| {
+            centres.row_mut(simplices.len()).iter_mut().zip(centre).for_each(|(target, x)| *target = x);
+            simplices.push(simplex);
+        };
+        for (corners, count) in faces {
             let [a, b, c] = corners.map(point);
-            let centre = if corners[1] == corners[2] {
-                let [before, after] = rim.beside([corners[0], corners[1]]).map(|i| i.map(point));
-                curved_middle(before, [a, b], after)
-            } else {
-                curved_centre([a, b, c], normals.as_ref().map(|n| corners.map(|i| n[i as usize])))
-            };
-            row.iter_mut().zip(centre).for_each(|(target, x)| *target = x);
+            let axis = unit(cross(&difference(&b, &a), &difference(&c, &a)));
+            let along = weight * count.max(1.0);
+            let simplex = Simplex { corners: Corners::Triangle(corners), axis, along, across: ALONG * along };
+            add(simplex, curved_centre([a, b, c], normals.as_ref().map(|n| corners.map(|i| n[i as usize]))));
+        }
+        for (edge, count) in edges {
+            let [a, b] = edge.ends.map(point);
+            let across = RIM * weight * count.max(1.0);
+            let axis = unit(difference(&b, &a));
+            let simplex = Simplex { corners: Corners::Edge(edge.ends), axis, along: ALONG * across, across };
+            add(simplex, curved_middle(edge.before.map(point), [a, b], edge.after.map(point)));
         }
         Ok(Some(Self { simplices, centres }))
     }
@@ -109,7 +125,7 @@ impl Between {
         let at_of = points.places();
         let mut parameters = Array2::zeros((self.simplices.len(), D));
         for (mut row, simplex) in parameters.outer_iter_mut().zip(&self.simplices) {
-            row.iter_mut().zip(centre(space, &parameter, &at_of, simplex.corners)).for_each(|(target, u)| *target = u);
+            row.iter_mut().zip(centre(space, &parameter, &at_of, &simplex.corners)).for_each(|(target, u)| *target = u);
         }
         let mut samples = SortedPoints::new(parameters.view(), self.centres.view(), None)?;
         samples.sort_refined(space, None)?;
@@ -134,8 +150,8 @@ impl Between {
 
     /// `W r` at a sample.
     fn force<const D: usize>(&self, samples: &SortedPoints<D>, at: usize, residual: &Vector) -> Vector {
-        let Simplex { axis, along, across, .. } = self.simplices[samples.order()[at] as usize];
-        let further = (along - across) * dot(residual, &axis);
+        let Simplex { axis, along, across, .. } = &self.simplices[samples.order()[at] as usize];
+        let further = (along - across) * dot(residual, axis);
         std::array::from_fn(|k| across * residual[k] + further * axis[k])
     }
 
@@ -177,7 +193,7 @@ fn curved_centre(corners: [Vector; 3], normals: Option<[Vector; 3]>) -> Vector {
 }
 
 /// Unit normals at the points: those of the triangles around them, by area; zero where there are none.
-pub(crate) fn vertex_normals(triangles: &[[u32; 3]], points: usize, point: impl Fn(u32) -> Vector) -> Vec<Vector> {
+fn vertex_normals(triangles: &[[u32; 3]], points: usize, point: impl Fn(u32) -> Vector) -> Vec<Vector> {
     let mut normals = vec![[0.0; 4]; points];
     for &triangle in triangles {
         let [a, b, c] = triangle.map(&point);
@@ -193,47 +209,49 @@ fn stands_for<const D: usize>(
     space: &HierarchicalSpace<D>,
     points: &SortedPoints<D>,
     at_of: &[usize],
-    corners: [u32; 3],
+    corners: Corners,
 ) -> Result<Option<f64>, Error> {
     let parameter = |at: usize| points.parameter(at);
-    let cell = space.locate_cell(centre(space, parameter, at_of, corners))?;
-    let [a, b, c] = corners.map(|i| parameter(at_of[i as usize]));
+    let cell = space.locate_cell(centre(space, parameter, at_of, &corners))?;
     let size = space.cell(cell).size();
-    let scaled = |way: [f64; D]| -> [f64; D] { std::array::from_fn(|d| way[d] / size[d]) };
-    let (p, q) = (scaled(space.way(a, b)), scaled(space.way(a, c)));
+    // The way between two corners, in sizes of the cell.
+    let scaled = |[from, to]: [u32; 2]| -> [f64; D] {
+        let way = space.way(parameter(at_of[from as usize]), parameter(at_of[to as usize]));
+        std::array::from_fn(|d| way[d] / size[d])
+    };
+    let of = |points: f64| match corners {
+        // There are two triangles to a point.
+        Corners::Triangle([a, b, c]) => {
+            let (p, q) = (scaled([a, b]), scaled([a, c]));
+            (p[0] * q[D - 1] - p[D - 1] * q[0]).abs() * points
+        }
+        Corners::Edge(ends) => scaled(ends).iter().fold(0.0_f64, |longest, x| longest.max(x.abs())) * points.sqrt(),
+    };
     let enough = (ENOUGH * space.degree().iter().map(|p| p + 1).product::<usize>()) as f64;
     let count = (points.offsets()[cell + 1] - points.offsets()[cell]) as f64;
-    let of = |points: f64| match corners[1] == corners[2] {
-        true => p.iter().fold(0.0_f64, |longest, x| longest.max(x.abs())) * points.sqrt(),
-        // There are two triangles to a point.
-        false => (p[0] * q[D - 1] - p[D - 1] * q[0]).abs() * points,
-    };
     Ok((count < enough || of(enough) >= 1.0).then(|| of(count)))
 }
 
-/// Edges of one triangle only, in its sense.
-fn rim(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
-    let edges = || triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
-    let all: HashSet<[u32; 2]> = edges().collect();
-    edges().filter(|&[a, b]| !all.contains(&[b, a])).collect()
+/// An edge of one triangle only, in its sense, by indices of points.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RimEdge {
+    ends: [u32; 2],
+    /// The point before the first on the rim.
+    before: Option<u32>,
+    /// The point after the second.
+    after: Option<u32>,
 }
 
-/// What comes before and after each point of the rim.
-struct Rim {
-    before: HashMap<u32, u32>,
-    after: HashMap<u32, u32>,
-}
-
-impl Rim {
-    fn new(edges: &[[u32; 2]]) -> Self {
-        let before = edges.iter().map(|&[a, b]| (b, a)).collect();
-        Self { before, after: edges.iter().map(|&[a, b]| (a, b)).collect() }
-    }
-
-    /// The points before and after an edge.
-    fn beside(&self, [a, b]: [u32; 2]) -> [Option<u32>; 2] {
-        [self.before.get(&a), self.after.get(&b)].map(|point| point.copied())
-    }
+/// The rim of triangles over the points, by index.
+pub(crate) fn rim(triangles: &[[u32; 3]]) -> Vec<RimEdge> {
+    let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    let all: HashSet<[u32; 2]> = edges.iter().copied().collect();
+    edges.retain(|&[a, b]| !all.contains(&[b, a]));
+    let before: HashMap<u32, u32> = edges.iter().map(|&[a, b]| (b, a)).collect();
+    let after: HashMap<u32, u32> = edges.iter().map(|&[a, b]| (a, b)).collect();
+    let edge =
+        |ends: [u32; 2]| RimEdge { ends, before: before.get(&ends[0]).copied(), after: after.get(&ends[1]).copied() };
+    edges.into_iter().map(edge).collect()
 }
 
 /// The middle of the cubic over an edge whose directions at its ends are those of parabolas through the points beside it; the
@@ -260,12 +278,16 @@ fn centre<const D: usize>(
     space: &HierarchicalSpace<D>,
     parameter: impl Fn(usize) -> [f64; D],
     at_of: &[usize],
-    corners: [u32; 3],
+    corners: &Corners,
 ) -> [f64; D] {
-    let [a, b, c] = corners.map(|i| parameter(at_of[i as usize]));
-    let (to_b, to_c) = (space.way(a, b), space.way(a, c));
-    let count = if corners[1] == corners[2] { 4.0 } else { 3.0 };
-    space.to_domain(std::array::from_fn(|d| a[d] + (to_b[d] + to_c[d]) / count))
+    let [first, others @ ..] = corners.indices() else { return [0.0; D] };
+    let from = parameter(at_of[*first as usize]);
+    let mut way = [0.0; D];
+    for &other in others {
+        let to_other = space.way(from, parameter(at_of[other as usize]));
+        (0..D).for_each(|d| way[d] += to_other[d]);
+    }
+    space.to_domain(std::array::from_fn(|d| from[d] + way[d] / (others.len() + 1) as f64))
 }
 
 #[cfg(test)]
@@ -300,13 +322,13 @@ mod tests {
         let points = flat(&parameters, &space);
         let stands = |corners| stands_for(&space, &points, &points.places(), corners).unwrap();
         // Half of the square has half of the points, 1 of 98 parts of it and of a side have too few to be needed.
-        assert_eq!(stands([0, 1, 99]), Some(100.0));
-        assert_eq!(stands([0, 1, 2]), None);
-        assert_eq!(stands([0, 1, 1]), Some(10.0));
-        assert_eq!(stands([1, 2, 2]), None);
+        assert_eq!(stands(Corners::Triangle([0, 1, 99])), Some(100.0));
+        assert_eq!(stands(Corners::Triangle([0, 1, 2])), None);
+        assert_eq!(stands(Corners::Edge([0, 1])), Some(10.0));
+        assert_eq!(stands(Corners::Edge([1, 2])), None);
         // With few points all are needed.
         let points = flat(&parameters[..12], &space);
-        assert!(stands_for(&space, &points, &points.places(), [1, 2, 2]).unwrap().is_some());
+        assert!(stands_for(&space, &points, &points.places(), Corners::Edge([1, 2])).unwrap().is_some());
     }
 
     #[test]
@@ -327,8 +349,9 @@ mod tests {
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let points = flat(&corners, &space);
         let triangles = [[0, 1, 2], [0, 2, 3]];
-        assert_eq!(rim(&triangles).len(), 4);
-        let between = Between::new(&triangles, &space, &points, 1.0).unwrap().unwrap();
+        let rim = rim(&triangles);
+        assert_eq!(rim.len(), 4);
+        let between = Between::new(&triangles, &rim, &space, &points, 1.0).unwrap().unwrap();
         // The middle control point of the side v = 0 is moved: the middle of the side moves by half of that.
         let energy = |way: [f64; 3]| {
             let along = KnotVector::uniform(2, 1).unwrap().greville();

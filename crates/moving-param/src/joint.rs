@@ -8,7 +8,7 @@
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, transfer};
 
 use crate::anchor::Anchor;
-use crate::between::Between;
+use crate::between::{Between, rim};
 use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from, seek_anew};
 use crate::frame::{Frame, Share, columns, frames};
 use crate::moving::{Moves, MovingFit};
@@ -72,6 +72,9 @@ impl<const D: usize> MovingFit<D> {
             let points = self.fit.points();
             let frames = frames(&map, points)?;
             self.anchor = Some(Anchor::new(space.clone(), points, &frames, start, &self.centres, options));
+        }
+        if self.rim.is_none() && options.between > 0.0 {
+            self.rim = Some(rim(&self.centres));
         }
         let mut damping = FIRST_DAMPING;
         let mut map = self.descend(map, &mut system, &weights, &mut damping, options.max_steps, options, moves)?;
@@ -202,10 +205,12 @@ impl<const D: usize> MovingFit<D> {
 
     /// The samples between points that hold the surface in a space, if any.
     fn between(&self, space: &HierarchicalSpace<D>, options: &JointOptions) -> Result<Option<Between>, Error> {
-        if self.centres.is_empty() || options.between == 0.0 {
-            return Ok(None);
+        match &self.rim {
+            Some(rim) if options.between > 0.0 => {
+                Between::new(&self.centres, rim, space, self.fit.points(), options.between)
+            }
+            _ => Ok(None),
         }
-        Between::new(&self.centres, space, self.fit.points(), options.between)
     }
 
     /// The samples for the penalty on folds of surfaces in space.

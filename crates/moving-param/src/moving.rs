@@ -9,6 +9,7 @@ use ndarray::{Array2, ArrayView1, ArrayView2};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
 use crate::anchor::Anchor;
+use crate::between::RimEdge;
 use crate::constraint::Constraints;
 use crate::fold::Triangles;
 use crate::foot_point::{FootPoints, foot_points};
@@ -55,6 +56,8 @@ pub struct MovingFit<const D: usize> {
     pub(crate) triangles: Option<Triangles>,
     /// Triangles whose centres hold the surface, by indices of points.
     pub(crate) centres: Vec<[u32; 3]>,
+    /// Their rim, once it is needed.
+    pub(crate) rim: Option<Vec<RimEdge>>,
     pub(crate) anchor: Option<Anchor<D>>,
     /// The map that moves all parameters, where one does.
     pub(crate) square: Option<SquareMap<D>>,
@@ -88,6 +91,7 @@ impl<const D: usize> MovingFit<D> {
             constraints: None,
             triangles: None,
             centres: Vec::new(),
+            rim: None,
             anchor: None,
             square: None,
             system: None,
@@ -254,6 +258,7 @@ impl MovingFit<2> {
         let points = self.start.nrows();
         let known = |t: &&[u32; 3]| t.iter().all(|&i| (i as usize) < points);
         self.centres = triangles.iter().filter(known).copied().collect();
+        self.rim = None;
         self
     }
 }

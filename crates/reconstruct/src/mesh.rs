@@ -1,7 +1,7 @@
 //! A surface as a triangle mesh, with a deviation at each vertex.
 
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
-use point_cloud::TriangleMesh;
+use ndarray::{Array1, Array2};
+use point_cloud::{BoundingBox, TriangleMesh};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use thb_core::{CellSpace, SplineMap};
@@ -37,9 +37,10 @@ pub(crate) fn tessellate(map: &SplineMap<2>, reversed: bool) -> Result<(Triangle
             |i: usize| if i == quads { upper[d] } else { lower[d] + (upper[d] - lower[d]) * i as f64 / quads as f64 };
         (0..=quads).map(at).collect::<Vec<f64>>()
     });
-    let least = CHORD * diagonal(map.coefficients());
+    let least = CHORD * BoundingBox::of(map.coefficients())?.diagonal();
     loop {
-        let bent = [bent_strips(map, &lines, 0, least)?, bent_strips(map, &lines, 1, least)?];
+        let at_lines = map.eval_batch(grid(&lines[0], &lines[1]).view())?;
+        let bent = [bent_strips(map, &lines, &at_lines, 0, least)?, bent_strips(map, &lines, &at_lines, 1, least)?];
         let size = |d: usize| lines[d].len() + bent[d].len();
         if bent.iter().all(Vec::is_empty) || size(0) * size(1) > MOST_VERTICES {
             break;
@@ -73,34 +74,27 @@ fn grid(u: &[f64], v: &[f64]) -> Array2<f64> {
 }
 
 /// The middles of the strips between neighbouring lines of one direction over which a chord is farther than `least` from the
-/// surface at its middle.
-fn bent_strips(map: &SplineMap<2>, lines: &[Vec<f64>; 2], d: usize, least: f64) -> Result<Vec<f64>, Error> {
+/// surface at its middle. `at_lines` are the points where the lines cross, as in [`grid`].
+fn bent_strips(
+    map: &SplineMap<2>,
+    lines: &[Vec<f64>; 2],
+    at_lines: &Array2<f64>,
+    d: usize,
+    least: f64,
+) -> Result<Vec<f64>, Error> {
     let middles: Vec<f64> = lines[d].windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
-    let on = |along: &[f64]| -> Result<Array2<f64>, Error> {
-        let across = &lines[1 - d];
-        let parameters = if d == 0 { grid(along, across) } else { grid(across, along) };
-        Ok(map.eval_batch(parameters.view())?)
-    };
-    let (ends, between) = (on(&lines[d])?, on(&middles)?);
+    let parameters = if d == 0 { grid(&middles, &lines[1]) } else { grid(&lines[0], &middles) };
+    let between = map.eval_batch(parameters.view())?;
     let bends = |strip: usize| {
         (0..lines[1 - d].len()).any(|other| {
             let row = |i: usize, count: usize| if d == 0 { other * count + i } else { i * lines[0].len() + other };
-            let (a, b) = (ends.row(row(strip, lines[d].len())), ends.row(row(strip + 1, lines[d].len())));
+            let (a, b) = (at_lines.row(row(strip, lines[d].len())), at_lines.row(row(strip + 1, lines[d].len())));
             let middle = between.row(row(strip, middles.len()));
             let squared: f64 = (0..middle.len()).map(|k| (middle[k] - 0.5 * (a[k] + b[k])).powi(2)).sum();
             squared > least * least
         })
     };
     Ok(middles.iter().enumerate().filter(|&(strip, _)| bends(strip)).map(|(_, &middle)| middle).collect())
-}
-
-/// Length of the diagonal of the bounding box of rows.
-fn diagonal(rows: ArrayView2<'_, f64>) -> f64 {
-    let extent = |column: ArrayView1<'_, f64>| {
-        let ends = column.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
-        (ends.1 - ends.0).max(0.0)
-    };
-    rows.columns().into_iter().map(|column| extent(column).powi(2)).sum::<f64>().sqrt()
 }
 
 /// For each parameter, `(n, 2)`, the error of the fitted point whose parameters are nearest.
@@ -131,7 +125,7 @@ mod tests {
     fn chords_stay_near_and_lines_go_where_the_surface_bends() {
         let map = bump();
         let (mesh, parameters) = tessellate(&map, false).unwrap();
-        let least = CHORD * diagonal(map.coefficients());
+        let least = CHORD * BoundingBox::of(map.coefficients()).unwrap().diagonal();
         for triangle in &mesh.triangles {
             for k in 0..3 {
                 let [i, j] = [triangle[k] as usize, triangle[(k + 1) % 3] as usize];

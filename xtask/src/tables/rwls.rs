@@ -520,6 +520,6 @@ some per cent: it needs markers whose weight is small from the start. With these
 **Figure 3.7.** From ε = 5e-3 on, rWLS has fewer DOFs and a smaller MAX than LS; with λ = 1e-6 the MAX of LS ends at 7e-3, at the
 cusps, whatever the DOFs. For the two coarsest fits there is no rWLS with fewer DOFs that is better.
 
-**Smoothing.** gcv is within 4 % of the best λ everywhere, in at most 3.0 times the time of one fit. auto keeps noise that has no
+**Smoothing.** gcv is within 4 % of the best λ everywhere, in at most 3.1 times the time of one fit. auto keeps noise that has no
 tolerance; the more so the larger it is.
 ";

@@ -154,8 +154,8 @@ fn with_knots(knots: &KnotVector, further: &[f64]) -> Result<KnotVector, thb_cor
     Ok(knots.insert(further, Array2::zeros((knots.n_functions(), 1)).view())?.0)
 }
 
-/// The spans that can be divided and have an error of at least the threshold for all errors, worst first. The errors of a span that cannot be, a single point's,
-/// count for the nearest ones on both sides that share a function with it.
+/// The spans that can be divided and have an error of at least the threshold for all errors, worst first. The errors of a span that
+/// cannot be, a single point's, count for the nearest ones on both sides that share a function with it.
 fn mark_divisible(
     estimate: Estimate<'_>,
     places: &[Option<f64>],
