@@ -310,6 +310,10 @@ enum Tables {
         /// only generated surfaces are used.
         #[arg(long)]
         data: Option<PathBuf>,
+        /// G+Smo's fitting as built by tests/peers/build_gismo_fitting.sh, to be run in turn with ours; without it its figures
+        /// are those of another day.
+        #[arg(long, value_name = "PROGRAM")]
+        gismo: Option<PathBuf>,
         /// The file to write, docs/results/moving.md by default; figures go to the folder `figures` beside it.
         #[arg(long)]
         out: Option<PathBuf>,
@@ -416,9 +420,9 @@ fn main() -> Result<()> {
                         data.is_none().then_some("tables of measured clouds need --data DIR and were left out");
                     ("qi", out, missing, tables::qi::document(data.as_deref())?)
                 }
-                Tables::Moving { data, out } => {
+                Tables::Moving { data, gismo, out } => {
                     let missing = data.is_none().then_some("tables of public clouds need --data DIR and were left out");
-                    let page = tables::moving::page(data.as_deref(), &mut |line| println!("{line}"))?;
+                    let page = tables::moving::page(data.as_deref(), gismo.as_deref(), &mut |line| println!("{line}"))?;
                     let beside = out.as_ref().map(|out| out.with_file_name("figures"));
                     let folder = beside.unwrap_or_else(|| root.join(FIGURES));
                     tables::moving::write_figures(&page.figures, &folder)?;

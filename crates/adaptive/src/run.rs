@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use thb_core::{CellSpace, HierarchicalSpace, Mark, Refinement, SplineMap};
 
+use crate::mark::in_vain;
 use crate::{Deviation, Estimate, Marking, Solve, mark};
 
 /// Iterations without progress after which the loop gives up.
@@ -195,7 +196,7 @@ impl Marked {
         options: &Options<D>,
         last: Option<&Iteration>,
     ) -> Self {
-        let in_vain = last.is_some_and(|last| last.deviation.within >= deviation.within);
+        let in_vain = last.is_some_and(|last| in_vain(last.deviation.within, deviation.within, options.within));
         let marking = if options.marking == Marking::Worst && in_vain { Marking::Threshold } else { options.marking };
         let threshold = marking.threshold(estimate.errors, options.tolerance, options.within);
         let marked = mark(estimate, options.tolerance);

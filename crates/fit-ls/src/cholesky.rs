@@ -61,7 +61,7 @@ impl Cholesky {
     /// # Errors
     /// [`FactorizationError`].
     pub fn factorize(&mut self, matrix: &SymmetricMatrix) -> Result<(), FactorizationError> {
-        self.factor.clear();
+        // What was there is overwritten.
         self.factor.resize(self.symbolic.len_val(), 0.0);
         let scratch = self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         let mut memory = MemBuffer::try_new(scratch).map_err(|_| FactorizationError::OutOfMemory)?;

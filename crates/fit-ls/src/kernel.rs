@@ -99,8 +99,13 @@ impl<const D: usize> Summation<D> {
             }
         }
         let (matrices, inner) = (terms.n_matrices(), self.double.of[0]);
-        let lines = |matrix: usize| self.moments.chunks_exact(inner).skip(matrix).step_by(matrices);
-        let moments = (0..matrices).flat_map(lines).flatten().map(total).collect();
+        // PERF: an iterator over lines of all matrices has no known length, and the vector would grow by and by.
+        let mut moments = Vec::with_capacity(self.moments.len());
+        for matrix in 0..matrices {
+            for line in self.moments.chunks_exact(inner).skip(matrix).step_by(matrices) {
+                moments.extend(line.iter().map(total));
+            }
+        }
         CellSums { moments, right }
     }
 }

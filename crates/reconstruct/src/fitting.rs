@@ -61,9 +61,17 @@ const SCARRED_MORE: (f64, f64) = (2e-4, 1.25);
 /// Beyond this share the normals of the points are no good: points on distant lines have neighbours on their own line only.
 const SCARRED_MOST: f64 = 0.05;
 
-/// Share of the control points of a fit with fixed parameters that one with moving parameters may need at most, and of one whose
-/// parameters move alike that one may whose parameters move freely: what is gained must be worth less even isolines.
-const WORTHWHILE: f64 = 0.8;
+/// Share of the control points of a fit with fixed parameters that one whose parameters move alike may need at most: that one
+/// leaves out fewer points.
+const WORTHWHILE: f64 = 0.95;
+
+/// Share of the control points of what was found before that a fit whose parameters move freely may need at most: what is gained must
+/// be worth less even isolines.
+const FREELY_WORTHWHILE: f64 = 0.8;
+
+/// How much further than fixed parameters moving ones may leave the points, where points far from each other leave the surface
+/// room between them.
+const FURTHER: f64 = 1.1;
 
 /// Share of the points left out that moving parameters may leave out, so 1 % where 5 % are: points move to where the surface
 /// meets them, and those that are left gather in the finest relief, which is then lost.
@@ -119,8 +127,8 @@ impl Attempt {
 
     /// Better is what stays near the points without creases, then what has the asked share of the points within the tolerance,
     /// then what comes closest to that.
-    fn rank(&self, problem: &Problem<'_>, creased: f64, asked: f64) -> (bool, f64) {
-        (self.hsd <= FAR * problem.diagonal && self.creases <= creased, self.within().min(asked))
+    fn rank(&self, far: f64, creased: f64, asked: f64) -> (bool, f64) {
+        (self.hsd <= far && self.creases <= creased, self.within().min(asked))
     }
 
     fn dofs(&self) -> usize {
@@ -172,7 +180,8 @@ pub(crate) fn fit(
     let may_be_softer = options.lambda == LambdaChoice::Auto && !reached;
     let tries = [(&moving, "fitting with moving parameters"), (&softer, "fitting with less smoothing")];
     let creased = if reached { fixed.creases + CREASED_MORE } else { CREASED };
-    let rank = |attempt: &Attempt| attempt.rank(problem, creased, options.within);
+    let far = (FAR * problem.diagonal).max(if reached { FURTHER * fixed.hsd } else { 0.0 });
+    let rank = |attempt: &Attempt| attempt.rank(far, creased, options.within);
     // What is as close as asked of moving parameters; it needs fewer control points than what was found before.
     let is_close = |attempt: &Attempt| rank(attempt).0 && attempt.fitted.stop == Stop::ToleranceReached;
     let mut best = fixed;
@@ -193,8 +202,8 @@ pub(crate) fn fit(
         // Parameters that need not move alike may do with far fewer control points, or get there where others do not.
         let _ = watch(Event::Step("fitting with parameters that move freely"));
         let there = best.within() >= options.within;
-        let fewer =
-            enough.map(|enough| if there { enough.min((WORTHWHILE * best.dofs() as f64) as usize) } else { enough });
+        let fewer = enough
+            .map(|enough| if there { enough.min((FREELY_WORTHWHILE * best.dofs() as f64) as usize) } else { enough });
         let freely = FitOptions { max_dofs: fewer, ..moving };
         let other = attempt(Method::Joint, &FREE, problem, space, &freely, watch)?;
         let (before, now) = (rank(&best), rank(&other));

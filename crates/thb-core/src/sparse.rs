@@ -77,7 +77,9 @@ impl SymmetricPattern {
             let range = self.columns[column as usize]..self.columns[column as usize + 1];
             let (rows, mut at) = (&self.rows[range.clone()], 0);
             for (i, &row) in functions.iter().enumerate().skip(j) {
-                at += rows[at..].iter().take_while(|&&r| r < row as usize).count();
+                while rows[at] < row as usize {
+                    at += 1;
+                }
                 entry(range.start + at, i, j);
             }
         }

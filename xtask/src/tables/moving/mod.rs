@@ -2,6 +2,7 @@
 
 mod asked;
 mod foot_points;
+mod gismo;
 mod noise;
 mod peers;
 mod run;
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 use asked::Asked;
+use gismo::Gismo;
 
 /// A page and its figures.
 pub struct Page {
@@ -21,11 +23,12 @@ pub struct Page {
     pub figures: Vec<(&'static str, String)>,
 }
 
-/// The page; `data` is a folder with the clouds, without which only generated ones are used. `log` is told what begins.
+/// The page; `data` is a folder with the clouds, without which only generated ones are used; `gismo` a program built by
+/// `tests/peers/build_gismo_fitting.sh`, without which G+Smo's figures are those of another day. `log` is told what begins.
 ///
 /// # Errors
 /// What reading and fitting meet.
-pub fn page(data: Option<&Path>, log: &mut dyn FnMut(&str)) -> Result<Page> {
+pub fn page(data: Option<&Path>, gismo: Option<&Path>, log: &mut dyn FnMut(&str)) -> Result<Page> {
     let mut asked = Asked::default();
     let (mut text, mut figures) = (String::new(), Vec::new());
     if let Some(data) = data {
@@ -34,7 +37,7 @@ pub fn page(data: Option<&Path>, log: &mut dyn FnMut(&str)) -> Result<Page> {
         text += thesis::AFTER;
         study.ask(&mut asked);
         figures = study.figures();
-        text += &peers::against_gismo(data, &mut asked, log)?;
+        text += &peers::against_gismo(data, &gismo.map_or(Gismo::Stored, Gismo::Run), &mut asked, log)?;
         text += &peers::stand_ins(data, &mut asked, log)?;
     } else {
         text += "\nThe thesis's clouds, G+Smo's and the stand-ins are left out: `--data DIR` was not given.\n";
@@ -69,7 +72,7 @@ pub fn write_figures(figures: &[(&str, String)], folder: &Path) -> Result<Vec<Pa
 const INTRODUCTION: &str = "\
 # Moving parameters
 
-    RAYON_NUM_THREADS=1 cargo xtask tables moving --data DIR
+    RAYON_NUM_THREADS=1 cargo xtask tables moving --data DIR --gismo PROGRAM
     RAYON_NUM_THREADS=1 cargo xtask figures --data DIR
 
 The first command computes this page and its figures anew, the second the figures alone. DIR has the clouds by the names below;
