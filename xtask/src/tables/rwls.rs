@@ -510,7 +510,7 @@ auto has no tolerance.
 const CONCLUSIONS: &str = "
 ## What the tables say
 
-**Outliers.** On all six clouds the robust fits have an RMSE at most 1.14 times that of the fit to the clean points, with about as many
+**Outliers.** On all six clouds the robust fits have an RMSE at most 1.15 times that of the fit to the clean points, with up to a third more
 DOFs; least squares has 17 times and more, and refines until there are as many DOFs as points. What is wrongly set aside are points
 at cusps and sharp edges; the largest errors of the head are there.
 
