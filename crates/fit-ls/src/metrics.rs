@@ -47,7 +47,7 @@ pub fn directed_hausdorff<const D: usize>(
     let search = ClosestPoints::new(bezier.clone())?;
     let mut bounds = (0..points.nrows())
         .into_par_iter()
-        .map(|index| {
+        .map(|index| -> Result<_, Error> {
             let u = std::array::from_fn(|d| parameters[[index, d]]);
             let cell = map.space().locate_cell(u).map_err(|source| Error::Parameter { index, source })?;
             let mut image = [0.0; 3];
@@ -55,6 +55,9 @@ pub fn directed_hausdorff<const D: usize>(
             let squared: f64 = points.row(index).iter().zip(&image).map(|(a, b)| (a - b) * (a - b)).sum();
             Ok((squared.sqrt(), index, cell))
         })
+        // Of several errors the first, whichever thread is faster.
+        .collect::<Vec<_>>()
+        .into_iter()
         .collect::<Result<Vec<_>, Error>>()?;
     bounds.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut largest = 0.0_f64;
