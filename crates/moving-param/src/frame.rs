@@ -84,7 +84,6 @@ impl<const D: usize> Frame<D> {
 
     /// The move of the parameter that minimizes `½|residual + T δu|² + ½ μ δuᵀ diag(TᵀT) δu` and the energy of the spring
     /// in the free directions. Zero where the tangents are degenerate.
-    #[inline(always)]
     pub(crate) fn parameter_step(&self, residual: &Vector, damping: f64, free: [bool; D]) -> [f64; D] {
         self.step_against(residual, &self.pull, damping, free)
     }
@@ -95,7 +94,6 @@ impl<const D: usize> Frame<D> {
     }
 
     /// What moves of the parameter are solved with; `None` where the tangents are degenerate.
-    #[inline(always)]
     fn elimination(&self, damping: f64, free: [bool; D]) -> Option<SmallCholesky<D>> {
         let metric = self.metric();
         let mut matrix = metric;
@@ -111,7 +109,6 @@ impl<const D: usize> Frame<D> {
     /// `W v + w` for `W = I − T (TᵀT + μ diag(TᵀT) + K)⁻¹ Tᵀ`, where `w` is the move that the force of the spring makes:
     /// what is left of a vector when the parameter has moved. `μ = 0` leaves the part normal to the map, large `μ` the
     /// vector itself.
-    #[inline(always)]
     fn reduced(&self, v: &Vector, pull: &[f64; D], elimination: Option<&SmallCholesky<D>>) -> Vector {
         let Some(factor) = elimination else { return *v };
         let step = self.step_by(factor, v, pull);
