@@ -38,6 +38,9 @@ const SLOW_STEPS: usize = 2;
 /// Samples per direction and cell among which the start of a stray point is sought.
 const STRAY_SAMPLES: usize = 4;
 
+/// Accepted steps after a refused one for which damping stays as it is: lowered at once, half of all trials are refused.
+const WARY_STEPS: usize = 2;
+
 /// Steps between two changes of the emphasis.
 const STEPS_PER_ROUND: usize = 2;
 
@@ -138,7 +141,7 @@ impl<const D: usize> MovingFit<D> {
         let space = map.space().clone();
         let constraints = self.constraints();
         let (between, regularity) = (self.between(&space, options)?, self.regularity(&space, options));
-        let mut slow = 0;
+        let (mut slow, mut wary) = (0, 0_usize);
         'steps: for _ in 0..max_steps {
             let points = self.fit.points();
             let mut frames = frames(&map, points)?;
@@ -184,11 +187,15 @@ impl<const D: usize> MovingFit<D> {
                         moves.count(&found.report);
                         self.fit.relocate(&found.parameters, &found.cells)?;
                         map = trial;
-                        *damping = (*damping * DECREASE).max(LEAST_DAMPING);
+                        if wary == 0 {
+                            *damping = (*damping * DECREASE).max(LEAST_DAMPING);
+                        }
+                        wary = wary.saturating_sub(1);
                         break (objective - new) / objective;
                     }
                 }
                 *damping *= INCREASE;
+                wary = WARY_STEPS;
                 if *damping > MOST_DAMPING {
                     *damping = FIRST_DAMPING;
                     break 'steps;

@@ -118,7 +118,7 @@ impl Study {
                 ("map, 10 × 10", Some(by_map(10))),
             ],
         )?;
-        let longer = JointOptions { max_steps: 100, decrease: 1e-4, regularity: 0.0, ..PATIENT };
+        let longer = JointOptions { max_steps: 100, regularity: 0.0, ..PATIENT };
         hull.extend(runs(
             &cen,
             &Settings { lambda: SOFT, ..start(1e-5) },
