@@ -59,17 +59,9 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::FitCurve(args) => return fit_curve(&args),
         Command::Param(args) => param(&args)?,
         Command::Eval { model, parameters } => {
-            let rows = reconstruct::eval_model(&model, &parameters)?;
-            let header = ["u", "v", "x", "y", "z"];
-            // Curves have one parameter; planar models two coordinates.
-            let names: &[&str] = match rows.ncols() {
-                4 => &["u", "x", "y", "z"],
-                3 => &["u", "x", "y"],
-                2 => &["u", "x"],
-                n => &header[..n.min(5)],
-            };
+            let reconstruct::Evaluation { columns, rows } = reconstruct::eval_model(&model, &parameters)?;
             let mut out = BufWriter::new(io::stdout().lock());
-            writeln!(out, "{}", names.join(","))?;
+            writeln!(out, "{}", columns.join(","))?;
             for row in rows.outer_iter() {
                 let numbers: Vec<String> = row.iter().map(f64::to_string).collect();
                 writeln!(out, "{}", numbers.join(","))?;

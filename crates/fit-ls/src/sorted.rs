@@ -285,7 +285,7 @@ impl<const D: usize> SortedPoints<D> {
                 rest = further;
             }
         }
-        tasks.into_par_iter().try_for_each(|(old_cell, start, part)| {
+        let locate = |(old_cell, start, part): (usize, usize, &mut [u32])| {
             if let Some(cell) = known(old_cell) {
                 part.fill(cell as u32);
                 return Ok::<(), Error>(());
@@ -296,7 +296,9 @@ impl<const D: usize> SortedPoints<D> {
                     cell.map_err(|source| Error::Parameter { index: self.order[start + i] as usize, source })? as u32;
             }
             Ok(())
-        })?;
+        };
+        // Of several errors the first, whichever thread is faster.
+        tasks.into_par_iter().map(locate).collect::<Vec<_>>().into_iter().collect::<Result<(), Error>>()?;
         self.arrange(&cell_of, space.n_cells());
         Ok(())
     }

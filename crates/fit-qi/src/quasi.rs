@@ -6,7 +6,7 @@ use std::time::Instant;
 use adaptive::{Estimate, Solution, Solve};
 use fit_ls::SortedPoints;
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{CellSpace, HierarchicalSpace, Kind, Mark, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, Mark, Refinement, SplineMap};
 
 use crate::cells::{Layout, LevelCells};
 use crate::level::LevelSolver;
@@ -284,5 +284,15 @@ impl<const D: usize> Solve<D> for QuasiInterpolation<D> {
         let splits = self.options.splits;
         let cells = mark_functions(map.space(), estimate, tolerance, (order, levels), &self.points, needed, splits);
         Some(cells.into_iter().map(Mark::whole).collect())
+    }
+
+    /// Whole supports are marked, so there are no cells around them to refine besides.
+    fn refine(
+        &self,
+        space: &HierarchicalSpace<D>,
+        marked: &[Mark],
+        refinement: &Refinement<D>,
+    ) -> Result<HierarchicalSpace<D>, thb_core::Error> {
+        space.refine_at(marked, &Refinement { extension: [0; D], ..*refinement })
     }
 }

@@ -78,14 +78,15 @@ fn csv_finds_columns_by_name() {
 #[test]
 fn csv_grids_are_sorted_from_base_0_or_1() {
     let expected = arr2(&[[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [2.0, 0.0], [2.0, 1.0]]);
-    for (text, sorted) in [
-        ("i,j,x,y\n0,0,0,0\n0,1,0,1\n1,0,1,0\n1,1,1,1\n2,0,2,0\n2,1,2,1\n", true),
-        ("x,y,i,j\n2,1,3,2\n0,1,1,2\n0,0,1,1\n1,1,2,2\n2,0,3,1\n1,0,2,1\n", false),
+    for (text, rows) in [
+        ("i,j,x,y\n0,0,0,0\n0,1,0,1\n1,0,1,0\n1,1,1,1\n2,0,2,0\n2,1,2,1\n", [0, 1, 2, 3, 4, 5]),
+        ("x,y,i,j\n2,1,3,2\n0,1,1,2\n0,0,1,1\n1,1,2,2\n2,0,3,1\n1,0,2,1\n", [2, 1, 5, 3, 4, 0]),
     ] {
         let scan = read(Format::Csv, text);
         assert_eq!(scan.cloud.points, expected);
         assert_eq!(scan.cloud.grid, Some(GridShape { n_u: 3, n_v: 2 }));
-        assert_eq!(scan.notes.is_empty(), sorted);
+        assert_eq!(scan.rows, rows);
+        assert_eq!(scan.notes.is_empty(), rows.is_sorted());
     }
     let with_parameters = read(Format::Csv, "i,j,x,y,u,v\n0,1,5,6,7,8\n0,0,1,2,3,4\n");
     assert_eq!(with_parameters.cloud.parameters, Some(arr2(&[[3.0, 4.0], [7.0, 8.0]])));
@@ -217,6 +218,8 @@ fn esri_cells_without_data_are_skipped() {
         assert_eq!(scan.cloud.points, arr2(&[[1.0, 2.0, 3.0], [3.0, 2.0, 4.0], [3.0, 6.0, 2.0]]));
         assert_eq!(scan.cloud.parameters, Some(arr2(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])));
         assert_eq!((scan.cloud.grid, scan.notes.len()), (None, 1));
+        // Cells as the file counts them, its northern line first.
+        assert_eq!((scan.rows, scan.cell), (vec![2, 3, 1], Some([2.0, 4.0])));
     }
     // Point lists come with this extension, too.
     let list = read(Format::EsriGrid, "//X Y Z\n0 0 1.5\n1 0 -2\n0 1 3e-3\n");

@@ -42,6 +42,7 @@ fn las_and_laz_in_old_and_new_point_formats() {
 
             let picked = read_with(Format::Las, &bytes, classes(&[6, 2])).unwrap();
             assert_eq!(picked.cloud.points, aview2(&[POINTS[0], POINTS[2], POINTS[3]]));
+            assert_eq!((scan.rows, picked.rows), (vec![0, 1, 2, 3], vec![0, 2, 3]));
             let none = read_with(Format::Las, &bytes, classes(&[9])).unwrap_err();
             assert!(matches!(&none, Kind::NoPointsOfClass { wanted, found } if wanted == &[9] && found.len() == 3));
         }
@@ -68,6 +69,7 @@ fn e57_scans_are_put_together_in_the_frame_of_the_file() {
     assert_eq!(scan.cloud.points, aview2(&POINTS));
     let notes = ["the points of 2 scans were put together", "2 points have no valid position and were left out"];
     assert_eq!(scan.notes, notes);
+    assert_eq!(scan.rows, [0, 1, 3, 4]);
 }
 
 #[test]
@@ -116,7 +118,7 @@ fn pcd_in_all_encodings() {
 fn pcd_pixels_that_saw_nothing_and_wrong_headers() {
     let header = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nDATA ascii\n";
     let scan = read(Format::Pcd, format!("{header}nan nan nan\n1 2 3\n"));
-    assert_eq!((scan.cloud.points, scan.notes.len()), (arr2(&[[1.0, 2.0, 3.0]]), 1));
+    assert_eq!((scan.cloud.points, scan.rows, scan.notes.len()), (arr2(&[[1.0, 2.0, 3.0]]), vec![1], 1));
     let fail = |text: String| parse_scan(text.as_bytes(), Format::Pcd, &ReadOptions::default()).unwrap_err();
     assert!(matches!(fail(format!("{header}1 2 3\n")), Kind::Truncated { expected: 2, found: 1, .. }));
     assert!(matches!(fail(format!("{header}1 2 3\n1 2 inf\n")), Kind::NonFinite { location: Location::Line(9), .. }));
@@ -174,6 +176,7 @@ fn columns_by_name_and_by_number() {
         (Format::Xyz, plain, &["3", "4", "2"]),
         (Format::EsriGrid, plain, &["3", "4", "2"]),
         (Format::Xyz, &format!("a title 1 2 3\n{plain}"), &["3", "4", "2"]),
+        (Format::Xyz, "// a scan\nx y z # names\n1 2 3 // the first\n# none\n4 5 6\n", &["x", "y", "z"]),
     ] {
         assert_eq!(read_with(format, text, columns(names)).unwrap().cloud.points, expected, "{format:?} {text}");
     }

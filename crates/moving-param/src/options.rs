@@ -217,7 +217,9 @@ impl Options {
                 normal()?;
                 number("decrease", joint.decrease, joint.decrease >= 0.0, "at least 0")?;
                 number("stiffness", joint.stiffness, joint.stiffness >= 0.0, "at least 0")?;
-                number("cohesion", joint.cohesion, joint.cohesion >= 0.0, "at least 0")
+                number("cohesion", joint.cohesion, joint.cohesion >= 0.0, "at least 0")?;
+                number("between", joint.between, joint.between >= 0.0, "at least 0")?;
+                number("regularity", joint.regularity, joint.regularity >= 0.0, "at least 0")
             }
             Method::SquareMap(square) => {
                 number("barrier", square.barrier, square.barrier >= 0.0, "at least 0")?;

@@ -7,7 +7,7 @@ use adaptive::{Estimate, Solution, Solve};
 use fit_ls::SortedPoints;
 use fit_qi::{QuasiInterpolation, Work};
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{HierarchicalSpace, Mark, SplineMap};
+use thb_core::{HierarchicalSpace, Mark, Refinement, SplineMap};
 
 use crate::constraint::Constraints;
 use crate::foot_point::{FootPoints, foot_points};
@@ -221,6 +221,15 @@ impl<const D: usize> Solve<D> for MovingQuasi<D> {
 
     fn mark(&self, map: &SplineMap<D>, tolerance: f64) -> Option<Vec<Mark>> {
         self.method.mark(map, tolerance)
+    }
+
+    fn refine(
+        &self,
+        space: &HierarchicalSpace<D>,
+        marked: &[Mark],
+        refinement: &Refinement<D>,
+    ) -> Result<HierarchicalSpace<D>, thb_core::Error> {
+        self.method.refine(space, marked, refinement)
     }
 }
 

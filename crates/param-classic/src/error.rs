@@ -138,3 +138,13 @@ pub enum ParamError {
         required: [usize; 2],
     },
 }
+
+impl ParamError {
+    /// The same about corners whose points the caller numbers otherwise: `number` tells it of each vertex.
+    pub fn renumbered(self, number: impl Fn(u32) -> u32) -> Self {
+        match self {
+            Self::Cloud(error) => Self::Cloud(error.renumbered(number)),
+            other => other,
+        }
+    }
+}

@@ -117,7 +117,9 @@ fn map_through(
     let spanned = rows.len();
     let mut round = 1;
     let (map, parameters, refinement) = loop {
-        let map = map_disk(&disk, &MeshMapParams { corners: on_mesh(params.map.corners, &rows)?, ..params.map })?;
+        let row = |v: u32| rows[v as usize] as u32;
+        let map = map_disk(&disk, &MeshMapParams { corners: on_mesh(params.map.corners, &rows)?, ..params.map })
+            .map_err(|error| error.renumbered(row))?;
         let quality = &map.report.quality;
         let long = quality.angle.is_some_and(|angle| angle.mean > LONG);
         let in_places = quality.assessment().verdict > Verdict::Good && !long;

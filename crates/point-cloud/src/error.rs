@@ -258,3 +258,14 @@ pub enum CloudError {
         range: &'static str,
     },
 }
+
+impl CloudError {
+    /// The same about corners whose points the caller numbers otherwise: `number` tells it of each vertex.
+    pub fn renumbered(self, number: impl Fn(u32) -> u32) -> Self {
+        match self {
+            Self::CornerNotOnLoop { vertex } => Self::CornerNotOnLoop { vertex: number(vertex) },
+            Self::RepeatedCorner { vertex } => Self::RepeatedCorner { vertex: number(vertex) },
+            other => other,
+        }
+    }
+}

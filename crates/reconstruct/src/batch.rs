@@ -224,7 +224,11 @@ pub fn check_parameter_outputs(input: &Path, outputs: &[PathBuf], report: Option
     check_overwriting(&[input.to_owned()], &[paths], None)
 }
 
-fn check_overwriting(inputs: &[PathBuf], outputs: &[OutputPaths], summary: Option<&PathBuf>) -> Result<(), Error> {
+pub(crate) fn check_overwriting(
+    inputs: &[PathBuf],
+    outputs: &[OutputPaths],
+    summary: Option<&PathBuf>,
+) -> Result<(), Error> {
     let read: BTreeSet<PathBuf> = inputs.iter().map(|input| identity(input)).collect();
     let mut written = BTreeSet::new();
     for path in outputs.iter().flat_map(|paths| paths.files.iter().chain(&paths.report)).chain(summary) {

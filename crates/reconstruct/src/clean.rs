@@ -1,5 +1,6 @@
 //! What is removed from a scan before it is laid out.
 
+use std::array;
 use std::path::Path;
 
 use geom_io::{Format, ReadOptions, Scan, read_scan};
@@ -7,8 +8,8 @@ use ndarray::Axis;
 use point_cloud::{
     Neighbours, SubMesh, TriangleMesh, check_surface_cloud, find_outliers, find_stray_pieces, largest_piece, thin,
 };
-use rstar::RTree;
 use rstar::primitives::GeomWithData;
+use rstar::{AABB, RTree};
 
 use crate::parameter_options::{Clean, ParameterChoice};
 use crate::parameters::spread_over_square;
@@ -42,7 +43,9 @@ pub(crate) struct Found {
 /// Crops, masks, cleans and thins.
 pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Cleaned, Error> {
     let m = scan.cloud.points.nrows();
-    let mut cleaned = Cleaned { scan, rows: (0..m as u32).collect(), found: Found::default(), neighbours: None };
+    let mut scan = scan;
+    let rows = std::mem::take(&mut scan.rows);
+    let mut cleaned = Cleaned { scan, rows, found: Found::default(), neighbours: None };
     if let Some(crop) = options.crop {
         let points = &cleaned.scan.cloud.points;
         let kept = (0..m).filter(|&i| crop.holds(points[[i, 0]], points[[i, 1]])).collect();
@@ -94,7 +97,7 @@ impl Cleaned {
         if kept.is_empty() {
             return Err(Error::NothingLeft { option, given });
         }
-        let Scan { cloud, triangles, on_boundary, notes, .. } = &mut self.scan;
+        let Scan { cloud, triangles, on_boundary, weights, notes, .. } = &mut self.scan;
         notes.push(format!("{option} left out {} of {given} points", given - kept.len()));
         if let Some(triangles) = triangles {
             let mut new = vec![u32::MAX; given];
@@ -108,6 +111,7 @@ impl Cleaned {
             notes.push(format!("the grid order was lost by {option}"));
         }
         *on_boundary = on_boundary.take().map(|labels| kept.iter().map(|&i| labels[i]).collect());
+        *weights = weights.take().map(|weights| kept.iter().map(|&i| weights[i]).collect());
         self.rows = kept.iter().map(|&i| self.rows[i]).collect();
         self.neighbours = None;
         Ok(())
@@ -147,32 +151,17 @@ impl Cleaned {
 /// Points over a cell of the grid file that has a value other than 0.
 fn unmasked(path: &Path, scan: &Scan) -> Result<Vec<usize>, Error> {
     let mask = read_scan(path, &ReadOptions::default())?;
+    let reach = mask.cell.ok_or_else(|| Error::Mask { path: path.to_owned() })?.map(|side| 0.5 * side * (1.0 + 1e-9));
     let cells = &mask.cloud.points;
-    if cells.ncols() != 3 {
-        return Err(Error::Mask { path: path.to_owned() });
-    }
     let sites = cells.outer_iter().map(|c| GeomWithData::new([c[0], c[1]], c[2])).collect();
     let tree: RTree<GeomWithData<[f64; 2], f64>> = RTree::bulk_load(sites);
-    // Cells are squares round their centres; the nearest two centres are one side apart.
-    let side = tree
-        .iter()
-        .next()
-        .and_then(|first| {
-            tree.nearest_neighbor_iter(*first.geom()).nth(1).map(|next| distance(*first.geom(), *next.geom()))
-        })
-        .ok_or_else(|| Error::Mask { path: path.to_owned() })?;
-    let reach = 0.5 * side * (1.0 + 1e-9);
     let points = &scan.cloud.points;
     let is_kept = |i: &usize| {
         let place = [points[[*i, 0]], points[[*i, 1]]];
-        tree.nearest_neighbor(place).is_some_and(|cell| {
-            let [x, y] = *cell.geom();
-            cell.data != 0.0 && (x - place[0]).abs() <= reach && (y - place[1]).abs() <= reach
-        })
+        let around =
+            AABB::from_corners(array::from_fn(|d| place[d] - reach[d]), array::from_fn(|d| place[d] + reach[d]));
+        // On the side of two cells either will do.
+        tree.locate_in_envelope(around).any(|cell| cell.data != 0.0)
     };
     Ok((0..points.nrows()).filter(is_kept).collect())
-}
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
 }

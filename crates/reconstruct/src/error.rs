@@ -108,13 +108,13 @@ pub enum Error {
     /// A corner is not on the boundary.
     #[error("--corners names row {row}, which is not on the outer boundary; take points of the outline")]
     CornerInside {
-        /// The row, among the points that are laid out.
+        /// The row.
         row: u32,
     },
     /// A point stands twice in the boundary.
     #[error("the boundary names point {row} twice; once round is enough")]
     BoundaryTwice {
-        /// The row, among the points that are laid out.
+        /// The row.
         row: u32,
     },
     /// Too few points on the boundary.
@@ -135,8 +135,8 @@ pub enum Error {
         /// What stands there.
         text: String,
     },
-    /// A mask is no grid of cells.
-    #[error("{}: a mask is a grid file (.asc) of at least two cells; cells that are 0 or without data are left out", path.display())]
+    /// A mask is no ESRI grid.
+    #[error("{}: a mask is a grid file (.asc); cells that are 0 or without data are left out", path.display())]
     Mask {
         /// The file.
         path: PathBuf,
@@ -262,4 +262,18 @@ pub enum Error {
         /// The output.
         path: PathBuf,
     },
+}
+
+impl Error {
+    /// The same about points that are numbered otherwise outside: `outer` holds the number of each.
+    pub(crate) fn of_rows(self, outer: &[u32]) -> Self {
+        let number = |i: u32| outer[i as usize];
+        match self {
+            Self::CornerInside { row } => Self::CornerInside { row: number(row) },
+            Self::BoundaryTwice { row } => Self::BoundaryTwice { row: number(row) },
+            Self::Cloud(error) => Self::Cloud(error.renumbered(number)),
+            Self::Parameterization(error) => Self::Parameterization(error.renumbered(number)),
+            other => other,
+        }
+    }
 }

@@ -80,7 +80,6 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let span = tracing::info_span!("fit", name);
     let _guard = span.enter();
     let format = scan.format;
-    let confidence = scan.weights.clone();
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let mut warnings = laid_out.warnings.clone();
@@ -89,8 +88,6 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         Some(_) => robust_diagonal(points.view(), laid_out.parameters.view())?,
         None => BoundingBox::of(points.view())?.diagonal(),
     };
-    let confidence: Option<Array1<f64>> =
-        confidence.map(|all| laid_out.rows.iter().map(|&row| all[row as usize]).collect());
     let tolerance = options.tol.resolve(diagonal);
     tracing::info!(
         points = points.nrows(),
@@ -104,7 +101,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let problem = Problem {
         points: laid_out.points.view(),
         parameters: laid_out.parameters.view(),
-        weights: confidence.as_ref().map(|w| w.view()),
+        weights: laid_out.weights.as_ref().map(|w| w.view()),
         rows: &laid_out.rows,
         triangles: &laid_out.triangles,
         tolerance,

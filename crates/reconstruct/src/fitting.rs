@@ -251,15 +251,12 @@ fn attempt(
     options: &FitOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Attempt, Error> {
-    let rules = loop_options(options, problem.tolerance, problem.points.nrows());
-    let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
-    let fitted = match (method, moving_method(method, joint, problem, options)?) {
-        (Method::Qi | Method::AQi, _) => quasi::fit(method, problem, space, options, &rules, &mut observer)?,
-        (_, Some(moving)) => moving_parameters(moving, problem, space, options, &rules, &mut observer)?,
-        (_, None) if options.reweighting.is_asked_for() || problem.weights.is_some() => {
-            reweighting::fit(problem, space, options, &rules, &mut observer)?
+    let fitted = match Heard::among(problem) {
+        // Weights that follow the errors have their own rule for what counts.
+        Some(heard) if !options.reweighting.is_asked_for() => {
+            heard.spread(fit_by(method, joint, &heard.problem(problem), space, options, watch)?, problem)?
         }
-        (_, None) => fixed_parameters(problem, space, options, &rules, &mut observer)?,
+        _ => fit_by(method, joint, problem, space, options, watch)?,
     };
     let _ = watch(Event::Step("measuring the surface"));
     // The surface need not come near points that count for nothing.
@@ -273,6 +270,84 @@ fn attempt(
     let hsd = dhd.max(map_to_points(&fitted.map, points, SAMPLES)?);
     let creases = creases(&fitted.map, CREASE_SAMPLES)?;
     Ok(Attempt { method, fitted, dhd, hsd, creases })
+}
+
+/// Fits by one method, the joint one as given.
+fn fit_by(
+    method: Method,
+    joint: &JointOptions,
+    problem: &Problem<'_>,
+    space: &Arc<HierarchicalSpace<2>>,
+    options: &FitOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Fitted, Error> {
+    let rules = loop_options(options, problem.tolerance, problem.points.nrows());
+    let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
+    match (method, moving_method(method, joint, problem, options)?) {
+        (Method::Qi | Method::AQi, _) => quasi::fit(method, problem, space, options, &rules, &mut observer),
+        (_, Some(moving)) => moving_parameters(moving, problem, space, options, &rules, &mut observer),
+        (_, None) if options.reweighting.is_asked_for() => {
+            reweighting::fit(problem, space, options, &rules, &mut observer)
+        }
+        (_, None) => fixed_parameters(problem, space, options, &rules, &mut observer),
+    }
+}
+
+/// The points that count where others have no confidence at all: those neither pull the surface nor ask for refinement.
+struct Heard {
+    /// Their places, increasing.
+    kept: Vec<usize>,
+    points: Array2<f64>,
+    parameters: Array2<f64>,
+    weights: Array1<f64>,
+    rows: Vec<u32>,
+    /// The triangles of which all vertices count.
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Heard {
+    /// `None` if all points count.
+    fn among(problem: &Problem<'_>) -> Option<Self> {
+        let weights = problem.weights?;
+        let kept: Vec<usize> = (0..weights.len()).filter(|&i| weights[i] > 0.0).collect();
+        if kept.len() == weights.len() {
+            return None;
+        }
+        let mut place = vec![None; weights.len()];
+        kept.iter().enumerate().for_each(|(at, &i)| place[i] = Some(at as u32));
+        let among = |t: &[u32; 3]| Some([place[t[0] as usize]?, place[t[1] as usize]?, place[t[2] as usize]?]);
+        Some(Self {
+            points: problem.points.select(Axis(0), &kept),
+            parameters: problem.parameters.select(Axis(0), &kept),
+            weights: weights.select(Axis(0), &kept),
+            rows: kept.iter().map(|&i| problem.rows[i]).collect(),
+            triangles: problem.triangles.iter().filter_map(among).collect(),
+            kept,
+        })
+    }
+
+    fn problem(&self, whole: &Problem<'_>) -> Problem<'_> {
+        Problem {
+            points: self.points.view(),
+            parameters: self.parameters.view(),
+            weights: Some(self.weights.view()),
+            rows: &self.rows,
+            triangles: &self.triangles,
+            ..*whole
+        }
+    }
+
+    /// A fit of these points as one of all: the others are where they were laid out.
+    fn spread(&self, fitted: Fitted, whole: &Problem<'_>) -> Result<Fitted, Error> {
+        let mut parameters = whole.parameters.to_owned();
+        let mut counted = vec![false; parameters.nrows()];
+        for (&i, uv) in self.kept.iter().zip(fitted.parameters.rows()) {
+            parameters.row_mut(i).assign(&uv);
+            counted[i] = true;
+        }
+        let errors = errors_at(&fitted.map, &parameters, whole.points)?;
+        Ok(Fitted { parameters, errors, counted: Some(counted), ..fitted })
+    }
 }
 
 pub(crate) fn least_squares_options(problem: &Problem<'_>, options: &FitOptions) -> fit_ls::Options<2> {

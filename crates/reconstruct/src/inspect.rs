@@ -87,24 +87,36 @@ fn largest_distance(a: &Array2<f64>, b: &Array2<f64>) -> f64 {
     squared.iter().fold(0.0_f64, |m, &s| m.max(s)).sqrt()
 }
 
-/// Points of a model at the parameters of a CSV file with the columns u and v (curves: u): rows `u, v, x, y, z`.
+/// Points of a model at parameters.
+pub struct Evaluation {
+    /// What the columns hold: `u` and, of surfaces, `v`, then as many of `x`, `y`, `z`, `c4`, `c5` and so on as points have coordinates.
+    pub columns: Vec<String>,
+    /// A row for each parameter.
+    pub rows: Array2<f64>,
+}
+
+/// Points of a model at the parameters of a CSV file with the columns u and v (curves: u).
 ///
 /// # Errors
 /// [`Error`].
-pub fn eval_model(model: &Path, parameters: &Path) -> Result<Array2<f64>, Error> {
+pub fn eval_model(model: &Path, parameters: &Path) -> Result<Evaluation, Error> {
     let geometry = read_model(model)?.geometry;
     let columns: &[&str] = match geometry {
         Geometry::Curve(_) => &["u"],
         Geometry::Surface(_) => &["u", "v"],
     };
-    let options =
-        ReadOptions { columns: columns.iter().map(|&name| name.to_owned()).collect(), ..ReadOptions::default() };
+    let mut columns: Vec<String> = columns.iter().map(|&name| name.to_owned()).collect();
+    let options = ReadOptions { columns: columns.clone(), ..ReadOptions::default() };
     let parameters = read_scan(parameters, &options)?.cloud.points;
     let image = match &geometry {
         Geometry::Curve(map) => eval_rows(map, &parameters)?,
         Geometry::Surface(map) => eval_rows(map, &parameters)?,
     };
-    ndarray::concatenate(Axis(1), &[parameters.view(), image.view()]).map_err(|_| fit_ls::Error::NoPoints.into())
+    let names = ["x", "y", "z"].map(str::to_owned).into_iter().chain((4..).map(|k| format!("c{k}")));
+    columns.extend(names.take(image.ncols()));
+    let rows =
+        ndarray::concatenate(Axis(1), &[parameters.view(), image.view()]).map_err(|_| fit_ls::Error::NoPoints)?;
+    Ok(Evaluation { columns, rows })
 }
 
 fn eval_rows<const D: usize>(map: &SplineMap<D>, parameters: &Array2<f64>) -> Result<Array2<f64>, Error> {

@@ -49,7 +49,7 @@ pub use curve::{
 pub use error::Error;
 pub use fit::{Fit, fit_file, fit_scan};
 pub use fitting::JOINT;
-pub use inspect::{Comparison, Info, compare, convert, eval_model, info};
+pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
 pub use options::{
     BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Tolerance,
 };

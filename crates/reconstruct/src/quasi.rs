@@ -6,7 +6,7 @@ use adaptive::{Observer, Outcome, run};
 use fit_qi::{LocalLambda, QuasiInterpolation, Work};
 use moving_param::MovingQuasi;
 use serde::Serialize;
-use thb_core::{HierarchicalSpace, Refinement};
+use thb_core::HierarchicalSpace;
 
 use crate::fitting::{Fitted, Problem, errors_at};
 use crate::options::{LambdaChoice, Method, named, range, serialize_as_typed};
@@ -121,8 +121,6 @@ pub(crate) fn fit(
     observer: &mut dyn Observer,
 ) -> Result<Fitted, Error> {
     let local = options.quasi.resolve(options.lambda, problem.tolerance);
-    // Whole supports are marked: no rings around them.
-    let rules = adaptive::Options { refinement: Refinement { extension: [0; 2], ..rules.refinement }, ..*rules };
     let moving = moving_param::QuasiOptions {
         corrections: if method == Method::AQi { options.corrections } else { 0 },
         boundary: options.boundary.constraint(),
@@ -130,7 +128,7 @@ pub(crate) fn fit(
         ..moving_param::QuasiOptions::default()
     };
     let mut solver = MovingQuasi::new(problem.parameters, problem.points, problem.weights, local, moving)?;
-    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), &rules, observer)?;
+    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
     let parameters = solver.parameters();
     let quasi: &QuasiInterpolation<2> = solver.quasi_interpolation();
     let reports = solver.reports().to_vec();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
-use adaptive::{Deviation, Observer, Outcome, run};
+use adaptive::{Deviation, Observer, Outcome, Stop, run};
 use fit_ls::{
     Detection, Loss, MarkerRules, Markers, PointWeights, Reweighted, Reweighting, Robust, Update, detect_markers,
 };
@@ -17,6 +17,7 @@ use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 use crate::fit::uniform_knots;
 use crate::fitting::{Fitted, Problem, least_squares_options};
 use crate::options::{Method, ParseOptionError, parse_error, range, serialize_as_typed};
+use crate::parameters::places_of;
 use crate::{Error, FitOptions, Tolerance};
 
 /// Elements per direction of the first fit that finds markers, as in example 3.1.9 (c) of Imperatore 2024.
@@ -275,14 +276,11 @@ pub(crate) fn read_markers(path: &Path) -> Result<Vec<(u32, bool)>, Error> {
 
 /// Markers as indices of the fitted points, whose rows in the file are `rows`.
 fn markers_among(listed: &[(u32, bool)], rows: &[u32]) -> Result<Markers, Error> {
-    let largest = rows.iter().max().map_or(0, |&row| row as usize + 1);
-    let mut place = vec![None; largest];
-    rows.iter().enumerate().for_each(|(at, &row)| place[row as usize] = Some(at));
+    let named: Vec<u64> = listed.iter().map(|&(row, _)| row.into()).collect();
     let mut markers = Markers::default();
-    for &(row, met) in listed {
-        let found = place.get(row as usize).copied().flatten();
-        let at = found.ok_or_else(|| Error::NoSuchPoint { option: "--markers", row: row.into() })?;
-        if met { markers.met.push(at) } else { markers.ignored.push(at) }
+    for (at, &(_, met)) in places_of(&named, rows, "--markers")?.into_iter().zip(listed) {
+        let places = if met { &mut markers.met } else { &mut markers.ignored };
+        places.push(at as usize);
     }
     Ok(markers)
 }
@@ -356,7 +354,7 @@ fn rules(problem: &Problem<'_>, space: &HierarchicalSpace<2>, options: &FitOptio
     })
 }
 
-/// Fits adaptively by least squares whose weights follow the errors, or are given.
+/// Fits adaptively by least squares whose weights follow the errors.
 pub(crate) fn fit(
     problem: &Problem<'_>,
     space: &Arc<HierarchicalSpace<2>>,
@@ -367,7 +365,7 @@ pub(crate) fn fit(
     let fitting = least_squares_options(problem, options);
     let rules = rules(problem, space, options)?;
     let mut solver = Reweighted::new(problem.parameters, problem.points, problem.weights, fitting, &rules)?;
-    let Outcome { mut map, stop, failure, mut history, .. } = run(&mut solver, space.clone(), limits, observer)?;
+    let Outcome { mut map, mut stop, failure, mut history, .. } = run(&mut solver, space.clone(), limits, observer)?;
     let mut lambda = solver.least_squares().lambda();
     // What a failed iteration left belongs to another space than the map.
     solver.measure(&map)?;
@@ -388,6 +386,9 @@ pub(crate) fn fit(
             (map, errors, report, counted) = (last, solver.errors().to_vec(), now_report, now_counted);
             lambda = solver.least_squares().lambda();
             history.iter_mut().last().into_iter().for_each(|record| record.deviation = now);
+            if now.within >= limits.within {
+                stop = Stop::ToleranceReached;
+            }
         }
     }
     let listed = |chosen: &mut dyn Iterator<Item = usize>| chosen.take(LISTED).map(|i| problem.rows[i]).collect();

@@ -24,6 +24,16 @@ pub enum Error {
         /// Smallest number of knots, `2 (degree + 1)`.
         needed: usize,
     },
+    /// A span that has no number in its middle.
+    #[error(
+        "a knot span of direction {direction} is too narrow for level {level}: the middle between its ends rounds to one of them"
+    )]
+    SpanTooNarrow {
+        /// The direction, from 0.
+        direction: usize,
+        /// The level that would halve it.
+        level: usize,
+    },
     /// The number of elements is zero or beyond what cell indices can hold.
     #[error("{given} elements in a direction: between 1 and {limit} are possible")]
     Elements {

@@ -73,7 +73,12 @@ impl<const D: usize> HierarchicalSpace<D> {
         }
         while levels.len() < mesh.n_levels() {
             let coarse = &levels[levels.len() - 1];
-            levels.push(Arc::new(std::array::from_fn(|d| Level::new(coarse[d].knots.refined()))));
+            let fine = std::array::from_fn(|d| coarse[d].knots.refined());
+            let grid = mesh.grid(levels.len());
+            if let Some(direction) = (0..D).find(|&d| fine[d].n_spans() != grid[d]) {
+                return Err(Error::SpanTooNarrow { direction, level: levels.len() });
+            }
+            levels.push(Arc::new(fine.map(Level::new)));
         }
         let mut space = Self {
             kind,

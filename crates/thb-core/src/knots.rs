@@ -67,6 +67,9 @@ impl KnotVector {
             multiplicity += 1;
             break_of_knot.push(breaks.len() - 1);
         }
+        if breaks.len() > MAX_ELEMENTS + 1 {
+            return Err(Error::Elements { given: breaks.len() - 1, limit: MAX_ELEMENTS });
+        }
         if multiplicity != degree + 1 || breaks.len() < 2 {
             let value = knots[knots.len() - 1];
             return Err(Error::Multiplicity { value, given: multiplicity, degree });

@@ -95,13 +95,16 @@ impl<const D: usize, S: CellSpace<D>> SplineMap<D, S> {
         let bezier = self.bezier();
         let n = self.dim();
         let mut out = vec![0.0; parameters.nrows() * n];
-        out.par_chunks_mut(n * BLOCK).enumerate().try_for_each(|(chunk, rows)| {
+        let evaluate = |(chunk, rows): (usize, &mut [f64])| {
             for (i, row) in rows.chunks_exact_mut(n).enumerate() {
                 let u = std::array::from_fn(|d| parameters[[chunk * BLOCK + i, d]]);
                 bezier.derivative(self.space.locate_cell(u)?, u, order, row);
             }
             Ok(())
-        })?;
+        };
+        // Of several errors the first, whichever thread is faster.
+        let blocks = out.par_chunks_mut(n * BLOCK).enumerate();
+        blocks.map(evaluate).collect::<Vec<_>>().into_iter().collect::<Result<(), Error>>()?;
         Array2::from_shape_vec((parameters.nrows(), n), out).map_err(|_| Error::Shape {
             what: "values",
             given: 0,

@@ -316,6 +316,15 @@ fn bad_knots_and_parameters_are_typed_errors() {
     for u in [-1e-9, 1.0 + 1e-9, f64::NAN] {
         assert!(matches!(space.locate_cell([0.5, u]), Err(Error::OutsideDomain { direction: 1, .. })));
     }
+    let even = KnotVector::uniform(1, 1).unwrap();
+    let many = (0..=70_000).map(f64::from);
+    let many = [0.0].into_iter().chain(many).chain([70_000.0]).collect();
+    assert!(matches!(KnotVector::new(1, many), Err(Error::Elements { given: 70_000, .. })));
+    // No number lies between the inner knots.
+    let narrow = KnotVector::new(1, vec![0.0, 0.0, 0.3, 0.3_f64.next_up(), 1.0, 1.0]).unwrap();
+    let space = HierarchicalSpace::new(Kind::Thb, [even, narrow]).unwrap();
+    let refined = space.refine(&[0], &Refinement::default());
+    assert!(matches!(refined, Err(Error::SpanTooNarrow { direction: 1, level: 1 })), "{refined:?}");
 }
 
 #[test]

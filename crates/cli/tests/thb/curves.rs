@@ -85,6 +85,8 @@ fn wrong_usage_is_told_before_anything_is_read() {
         ("fit-curve none.csv --method qi", 2, "--method"),
         ("fit-curve none.csv --graph --method joint", 2, "--graph"),
         ("fit-curve heat.csv -o heat.csv.json -o heat.csv.json", 2, "two outputs"),
+        ("fit-curve heat.csv -o a.json -o ./a.json", 2, "two outputs"),
+        ("fit-curve heat.csv --report ./heat.csv", 2, "input"),
         ("fit-curve none.csv", 1, "none.csv"),
         ("fit-curve heat.csv --corners 100", 1, "row 100"),
         ("fit-curve heat.csv --param given", 1, "column u"),

@@ -151,8 +151,51 @@ fn height_fields_are_cropped_and_masked() {
     let u = csv(&lab, "crop.csv").iter().map(|line| line[4]).fold(0.0, f64::max);
     assert_eq!(u, 1.0);
     assert_eq!(lab.prints_json("param land.asc --mask mask.asc")["points"], 240);
+    // Cells longer than wide; one with data stands alone, the northern line has none.
+    lab.put(
+        "long.asc",
+        "ncols 5\nnrows 2\nxllcorner 0\nyllcorner 0\ndx 4\ndy 10\nNODATA_value 0\n0 0 0 0 0\n1 0 0 1 1\n",
+    );
+    assert_eq!(lab.prints_json("param land.asc --mask long.asc")["points"], 10 * (4 + 8));
+    lab.put("cells.xyz", "0 0 1\n1 0 1\n");
+    lab.fails("param land.asc --mask cells.xyz", 1, &["cells.xyz", "grid file"]);
     let run = lab.thb("param land.asc --crop 100,110,0,20");
     assert!(run.code == 1 && run.stderr.contains("--crop leaves none"), "{run:?}");
+}
+
+#[test]
+fn rows_are_those_of_the_file_whatever_was_sorted_or_left_out() {
+    let sorted = gridded();
+    let mut lines: Vec<&str> = sorted.lines().skip(1).collect();
+    lines.reverse();
+    let lab = Lab::with("grid.csv", format!("i,j,x,y,z\n{}\n", lines.join("\n")));
+    lab.prints_json("param grid.csv -o uv.csv");
+    let written = csv(&lab, "uv.csv");
+    assert_eq!(written.len(), lines.len());
+    for line in written {
+        let in_file: Vec<f64> = lines[line[0] as usize].split(',').skip(2).map(|x| x.parse().unwrap()).collect();
+        assert_eq!(line[1..4], in_file, "row {}", line[0]);
+    }
+    // What an option names is found by those rows, and errors give them back, through a subset too.
+    let places = scattered(20, 900);
+    let corners = corner_rows(&places);
+    let inside = places.iter().rposition(|(_, on_boundary)| !on_boundary).unwrap();
+    let blind = 3;
+    let nan = "nan nan nan\n".repeat(blind);
+    let count = places.len() + blind;
+    let header = format!(
+        "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {count}\nHEIGHT 1\nPOINTS {count}\nDATA ascii\n"
+    );
+    lab.put("raw.pcd", header + &nan + &rows(&places));
+    let named: Vec<usize> = corners.iter().map(|row| row + blind).collect();
+    let given = |first: usize| format!("--corners {first},{},{},{}", named[1], named[2], named[3]);
+    let found = lab.prints_json(&format!("param raw.pcd {}", given(named[0])));
+    assert_eq!(found["parameterization"]["corners"], serde_json::json!(named));
+    let wrong = format!("row {}", inside + blind);
+    for subset in ["", "--subset 200"] {
+        lab.fails(&format!("param raw.pcd --param lpsp {subset} {}", given(inside + blind)), 1, &[&wrong]);
+    }
+    lab.fails("param raw.pcd --corners 0,1,2,3", 1, &["row 0", "left out"]);
 }
 
 #[test]

@@ -43,6 +43,23 @@ fn eval_gives_the_corners_that_the_report_names() {
 }
 
 #[test]
+fn eval_names_the_coordinates_of_a_planar_surface() {
+    let knots = r#"<KnotVector degree="1">0 0 1 1</KnotVector>"#;
+    let basis = |k: usize| format!(r#"<Basis type="BSplineBasis" index="{k}">{knots}</Basis>"#);
+    let lab = Lab::with(
+        "plane.xml",
+        format!(
+            r#"<xml><Geometry type="TensorBSpline2" id="0"><Basis type="TensorBSplineBasis2">{}{}</Basis>
+            <coefs geoDim="2">0 0 2 0 0 3 2 3</coefs></Geometry></xml>"#,
+            basis(0),
+            basis(1)
+        ),
+    );
+    lab.put("uv.csv", "u,v\n0.5,1\n");
+    assert_eq!(lab.thb("eval plane.xml uv.csv").stdout, "u,v,x,y\n0.5,1,1,3\n");
+}
+
+#[test]
 fn eval_says_which_parameter_is_outside() {
     let lab = fitted();
     lab.put("outside.csv", "u,v\n0,0\n0.5,1.25\n");

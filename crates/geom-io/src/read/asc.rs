@@ -44,12 +44,15 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
     }
 
     let (mut points, mut parameters) = (Vec::with_capacity(3 * cells), Vec::with_capacity(2 * cells));
+    let mut numbers = Vec::with_capacity(cells);
     for i in 0..n_u {
         for j in 0..n_v {
-            let height: f64 = heights[(n_v - 1 - j) * n_u + i];
+            let number = (n_v - 1 - j) * n_u + i;
+            let height: f64 = heights[number];
             if height.is_nan() {
                 continue;
             }
+            numbers.push(number as u32);
             points.extend([x.centre(i), y.centre(j), height]);
             parameters.extend([i as f64 / (n_u - 1) as f64, j as f64 / (n_v - 1) as f64]);
         }
@@ -57,6 +60,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
     let skipped = cells - points.len() / 3;
     let mut scan = Scan::new(Format::EsriGrid, rows(points, 3));
     scan.cloud.parameters = Some(rows(parameters, 2));
+    scan.rows = numbers;
+    scan.cell = Some([x.step, y.step]);
     match skipped {
         0 => scan.cloud.grid = Some(GridShape { n_u, n_v }),
         _ => scan.notes.push(format!("{skipped} of {cells} cells have no data and were skipped")),

@@ -10,13 +10,23 @@ use crate::error::ReadErrorKind;
 const MAX_GRID_INDEX: f64 = 9_007_199_254_740_992.0;
 
 /// Columns by name: `x`, `y`, `z` (or those of the options), `u`, `v`, `i`, `j`, `boundary`.
+/// `#` at the start of a line opens a comment.
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
+    read_lines(bytes, options, |text| if trim(text).starts_with(b"#") { b"" } else { text })
+}
+
+/// The same with the comments of another format.
+pub(super) fn read_lines<'a>(
+    bytes: &'a [u8],
+    options: &ReadOptions,
+    before_comment: impl Fn(&'a [u8]) -> &'a [u8],
+) -> Result<Scan, ReadErrorKind> {
     let mut lines = Lines::new(bytes);
     // Not trimmed: a tab at the end closes an empty field.
     let mut next_line = || {
-        lines.find(|line| {
-            let text = trim(line.text);
-            !text.is_empty() && !text.starts_with(b"#")
+        lines.find_map(|line| {
+            let text = before_comment(line.text);
+            (!trim(text).is_empty()).then_some(Line { text, ..line })
         })
     };
     let header = next_line().ok_or(ReadErrorKind::NoPoints)?;
@@ -216,6 +226,7 @@ fn to_grid(scan: &mut Scan, mut places: Vec<Place>) -> Result<(), ReadErrorKind>
         scan.cloud.parameters = scan.cloud.parameters.take().map(|p| p.select(ndarray::Axis(0), &order));
         scan.on_boundary = scan.on_boundary.take().map(|labels| order.iter().map(|&row| labels[row]).collect());
         scan.weights = scan.weights.take().map(|weights| order.iter().map(|&row| weights[row]).collect());
+        scan.rows = order.iter().map(|&row| scan.rows[row]).collect();
         scan.notes.push("rows were sorted by (i, j)".to_owned());
     }
     scan.cloud.grid = Some(GridShape { n_u, n_v });

@@ -16,7 +16,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     shielded(NAME, || {
         let mut reader = E57Reader::new(Cursor::new(bytes)).map_err(malformed)?;
         let clouds = reader.pointclouds();
-        let mut coordinates = Vec::new();
+        let (mut coordinates, mut rows_read) = (Vec::new(), Vec::new());
         let (mut index, mut invalid) = (0, 0_usize);
         for cloud in &clouds {
             // Of records without bits any number fits into no bytes.
@@ -43,6 +43,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
                             let location = || Location::Record { element: "point".to_owned(), index };
                             coordinates.push(finite(coordinate, location)?);
                         }
+                        rows_read.push(index as u32);
                     }
                     _ => invalid += 1,
                 }
@@ -50,6 +51,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
             }
         }
         let mut scan = Scan::new(Format::E57, rows(coordinates, 3));
+        scan.rows = rows_read;
         if clouds.len() > 1 {
             scan.notes.push(format!("the points of {} scans were put together", clouds.len()));
         }

@@ -54,6 +54,7 @@ pub(super) fn read(bytes: &[u8], classes: &[u8]) -> Result<Scan, ReadErrorKind> 
         return Err(ReadErrorKind::NoPointsOfClass { wanted: classes.to_vec(), found });
     }
     let mut scan = Scan::new(Format::Las, rows(picked.coordinates, 3));
+    scan.rows = picked.rows;
     if picked.withheld > 0 {
         scan.notes.push(format!("{} points are marked as withheld and were left out", picked.withheld));
     }
@@ -68,6 +69,7 @@ pub(super) fn read(bytes: &[u8], classes: &[u8]) -> Result<Scan, ReadErrorKind> 
 #[derive(Default)]
 struct Picked {
     coordinates: Vec<f64>,
+    rows: Vec<u32>,
     /// Points of each class that are not withheld.
     classes: BTreeMap<u8, usize>,
     withheld: usize,
@@ -92,6 +94,7 @@ impl Picked {
                 let location = || Location::Record { element: "point".to_owned(), index: first + k };
                 self.coordinates.push(finite(coordinate, location)?);
             }
+            self.rows.push((first + k) as u32);
         }
         Ok(())
     }

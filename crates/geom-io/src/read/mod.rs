@@ -47,15 +47,20 @@ pub struct ReadOptions {
 /// What a file held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scan {
-    /// The points, in the order of the file; a grid in row order (see [`PointCloud::grid`]).
+    /// The points that were read, in the order of the file; a grid in row order (see [`PointCloud::grid`]).
     /// Coordinates and parameters are as in the file and finite.
     pub cloud: PointCloud,
+    /// Which of the points of the file each one is, from 0; of those of all scans of an E57 file, of the cells of an ESRI grid line by line.
+    /// Differs from its place where points were left out, and where those of a grid were sorted.
+    pub rows: Vec<u32>,
     /// Triangles of a mesh whose vertices are the points; indices are in range.
     pub triangles: Option<Vec<[u32; 3]>>,
     /// Whether each point lies on the outer boundary, where a CSV file has a column `boundary`: 0 for inside.
     pub on_boundary: Option<Vec<bool>>,
     /// The confidence in each point, where the options name a column: 0 or more.
     pub weights: Option<Vec<f64>>,
+    /// Size of the cells of an ESRI grid along x and y.
+    pub cell: Option<[f64; 2]>,
     /// The format that was read.
     pub format: Format,
     /// What was left out or changed, in words for a person.
@@ -64,7 +69,10 @@ pub struct Scan {
 
 impl Scan {
     fn new(format: Format, points: Array2<f64>) -> Self {
+        let rows = (0..points.nrows() as u32).collect();
         Self {
+            rows,
+            cell: None,
             cloud: PointCloud { points, parameters: None, grid: None },
             triangles: None,
             on_boundary: None,

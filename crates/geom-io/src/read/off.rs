@@ -3,7 +3,7 @@
 //! The prefixes `C` (colour), `N` (normal) and `ST` (texture) add numbers behind the coordinates, which are ignored.
 
 use super::faces::{Faces, vertex_index};
-use super::text::{Line, Lines, parse_count};
+use super::text::{Line, Lines, before_hash, parse_count};
 use super::{Format, Scan, rows};
 use crate::error::ReadErrorKind;
 
@@ -12,7 +12,7 @@ const SHORTEST_LINE: usize = 6;
 
 pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     let mut lines = Lines::new(bytes);
-    let mut next_line = || lines.next_data(before_comment);
+    let mut next_line = || lines.next_data(before_hash);
 
     let first = next_line().ok_or(ReadErrorKind::NoPoints)?;
     let mut fields = first.fields();
@@ -80,8 +80,4 @@ fn read_corners(line: Line<'_>, vertex_count: usize, corners: &mut Vec<u32>) -> 
 
 fn truncated(element: &str, expected: usize, found: usize) -> ReadErrorKind {
     ReadErrorKind::Truncated { element: element.to_owned(), expected, found }
-}
-
-fn before_comment(text: &[u8]) -> &[u8] {
-    text.split(|&b| b == b'#').next().unwrap_or_default()
 }

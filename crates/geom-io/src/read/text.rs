@@ -44,6 +44,11 @@ impl<'a> Lines<'a> {
     }
 }
 
+/// What stands before a comment that `#` opens.
+pub(super) fn before_hash(text: &[u8]) -> &[u8] {
+    text.split(|&b| b == b'#').next().unwrap_or_default()
+}
+
 impl<'a> Iterator for Lines<'a> {
     type Item = Line<'a>;
 

@@ -22,7 +22,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<Scan, ReadErro
             return Err(ReadErrorKind::NotText { line: first.number });
         }
         if csv::names_coordinates(&fields, options) {
-            return csv::read(bytes, options);
+            return csv::read_lines(bytes, options, before_comment);
         }
         notes.push(format!("line {} is not a point and was skipped", first.number));
         first = next_line().ok_or(ReadErrorKind::NoPoints)?;

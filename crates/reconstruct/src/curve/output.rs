@@ -6,7 +6,8 @@ use geom_io::{ModelFormat, SvgOptions, WriteOptions, write_model};
 
 use super::fitting::CurveFit;
 use crate::Error;
-use crate::output::make_parent;
+use crate::batch::check_overwriting;
+use crate::output::{OutputPaths, make_parent};
 
 /// Checks, before anything is fitted, that outputs have formats of curves, and differ from the input and from each other.
 ///
@@ -17,16 +18,8 @@ pub fn check_curve_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Pa
     if let Some(path) = outputs.iter().find(unknown) {
         return Err(Error::CurveFormat { path: path.clone() });
     }
-    let all: Vec<&Path> = outputs.iter().map(PathBuf::as_path).chain(report).collect();
-    for (k, &path) in all.iter().enumerate() {
-        if path == input {
-            return Err(Error::OutputIsInput { path: path.to_owned() });
-        }
-        if all[..k].contains(&path) {
-            return Err(Error::OutputTwice { path: path.to_owned() });
-        }
-    }
-    Ok(())
+    let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
+    check_overwriting(&[input.to_owned()], &[paths], None)
 }
 
 /// Writes a curve by the extension of the file: `.step .stp .xml .json .dxf`, or a picture with points and knots `.svg`.

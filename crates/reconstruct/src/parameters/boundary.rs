@@ -6,25 +6,19 @@ use geom_io::Scan;
 use ndarray::{ArrayView2, Axis};
 use point_cloud::{loop_length, order_loop};
 
+use super::places_of;
 use crate::{Error, ParameterOptions};
 
 /// Points that a boundary needs: its corners.
 const FEWEST: usize = 4;
 
 /// The outer boundary that a file or a column names, in order, as places among the points of the scan, whose rows in
-/// the file are `rows`, increasing.
+/// the file are `rows`.
 pub(super) fn given(scan: &Scan, rows: &[u32], options: &ParameterOptions) -> Result<Option<Vec<u32>>, Error> {
     let points = scan.cloud.points.view();
     if let Some(path) = &options.outline {
         let named = read_rows(path)?;
-        let place = |&row: &u64| {
-            let row_in_file = u32::try_from(row).ok();
-            row_in_file
-                .and_then(|row| rows.binary_search(&row).ok())
-                .map(|at| at as u32)
-                .ok_or(Error::NoSuchPoint { option: "--outline", row })
-        };
-        let places = named.iter().map(place).collect::<Result<Vec<u32>, _>>()?;
+        let places = places_of(&named, rows, "--outline")?;
         return in_order(points, places, true).map(Some);
     }
     let Some(labels) = &scan.on_boundary else { return Ok(None) };

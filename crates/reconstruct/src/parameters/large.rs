@@ -61,7 +61,7 @@ pub(super) fn lay_out(
         boundary: cloud.boundary.as_ref().map(|outer| outer.iter().map(place).collect()),
         corners: cloud.corners.map(|corners| corners.map(|corner| place(&corner))),
     };
-    let mut part = cloud::lay_out(part, choice, options, watch)?;
+    let mut part = cloud::lay_out(part, choice, options, watch).map_err(|error| error.of_rows(&kept))?;
 
     let _ = watch(Event::Step("carrying the map to all points"));
     let triangles = match part.triangles.is_empty() {

@@ -33,7 +33,7 @@ pub(super) fn lay_out_or_take_vertices(
                 Some(corners) => Some(vertices_of(corners, &mesh, &kept, rows)?),
                 None => None,
             };
-            let mut layout = map(disk, choice, corners, options, watch)?;
+            let mut layout = map(disk, choice, corners, options, watch).map_err(|error| error.of_rows(&kept))?;
             layout.of_rows(&kept);
             warnings.append(&mut layout.warnings);
             layout.warnings = warnings;

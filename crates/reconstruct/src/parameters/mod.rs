@@ -10,10 +10,11 @@ mod network;
 mod quality;
 mod tube;
 
+use std::array;
 use std::time::Instant;
 
 use geom_io::{Format, Scan, read_scan};
-use ndarray::{Array2, ArrayView1, Axis};
+use ndarray::{Array1, Array2, ArrayView1, Axis};
 use param_classic::map_quality;
 use point_cloud::{Duplicates, check_surface_cloud};
 
@@ -37,7 +38,9 @@ pub struct Parameterized {
     pub points: Array2<f64>,
     /// Their parameters, `(m, 2)`.
     pub parameters: Array2<f64>,
-    /// Row of each point in the file, from 0.
+    /// The confidence in each point, where the file gives one.
+    pub weights: Option<Array1<f64>>,
+    /// Row of each point in the file, from 0: see [`Scan::rows`].
     pub rows: Vec<u32>,
     /// Triangles over the points: those of a mesh, or of one spanned over (a subset of) a cloud; empty if there are none.
     pub triangles: Vec<[u32; 3]>,
@@ -114,7 +117,8 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     warnings.extend(found.warnings(&options.clean));
 
     let _ = watch(Event::Step("laying out"));
-    let layout = lay_out(scan, &rows, options, watch)?;
+    let confidence = scan.weights.clone();
+    let layout = lay_out(scan, &rows, options, watch).map_err(|error| error.of_rows(&rows))?;
     warnings.extend(layout.warnings.iter().cloned());
     let _ = watch(Event::Step("measuring the parameters"));
     let in_file = |i: u32| rows[layout.rows[i as usize] as usize];
@@ -128,10 +132,23 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     report.outliers = found.outliers;
     report.stray = found.stray;
     report.seconds = start.elapsed().as_secs_f64();
+    let weights = confidence.map(|all| layout.rows.iter().map(|&row| all[row as usize]).collect());
     let rows = (0..layout.rows.len() as u32).map(in_file).collect();
     let Layout { points, parameters, triangles, boundary, rims, reversed, .. } = layout;
     let closed = options.closed.directions();
-    Ok(Parameterized { points, parameters, rows, triangles, boundary, rims, reversed, closed, report, warnings })
+    Ok(Parameterized {
+        points,
+        parameters,
+        weights,
+        rows,
+        triangles,
+        boundary,
+        rims,
+        reversed,
+        closed,
+        report,
+        warnings,
+    })
 }
 
 /// Lays points out in the way asked for; `rows` are theirs in the file.
@@ -249,15 +266,23 @@ impl Layout {
     }
 }
 
-/// The given corners as places among the points, whose rows in the file are `rows`, increasing.
+/// Places among points, whose rows in the file are `rows`, of those that an option names by their rows.
+pub(crate) fn places_of(named: &[u64], rows: &[u32], option: &'static str) -> Result<Vec<u32>, Error> {
+    // Most options name few points, and rows need not increase.
+    let mut order: Vec<u32> = (0..rows.len() as u32).collect();
+    order.sort_unstable_by_key(|&at| rows[at as usize]);
+    let place = |&row: &u64| {
+        let found = order.binary_search_by_key(&row, |&at| rows[at as usize].into());
+        found.map(|k| order[k]).map_err(|_| Error::NoSuchPoint { option, row })
+    };
+    named.iter().map(place).collect()
+}
+
+/// The given corners as places among the points, whose rows in the file are `rows`.
 fn corners_among(rows: &[u32], options: &ParameterOptions) -> Result<Option<[u32; 4]>, Error> {
     let Some(corners) = options.corners else { return Ok(None) };
-    let mut places = [0; 4];
-    for (place, row) in places.iter_mut().zip(corners.0) {
-        *place =
-            rows.binary_search(&row).map_err(|_| Error::NoSuchPoint { option: "--corners", row: row.into() })? as u32;
-    }
-    Ok(Some(places))
+    let places = places_of(&corners.0.map(u64::from), rows, "--corners")?;
+    Ok(Some(array::from_fn(|k| places[k])))
 }
 
 /// Stretches or shrinks each column of parameters that does not wrap so that it reaches from 0 to 1; one that is constant stays.

@@ -1,6 +1,6 @@
 //! The header of a PCD file.
 
-use super::super::text::{Line, Lines, parse_count, quote};
+use super::super::text::{Line, Lines, before_hash, parse_count, quote};
 use crate::error::ReadErrorKind;
 
 /// Fields that must be there.
@@ -84,7 +84,7 @@ impl Header {
         let mut fields: Vec<Field> = Vec::new();
         let (mut width, mut height, mut points) = (None, 1, None);
         let mut last = None;
-        while let Some(line) = lines.next_data(before_comment) {
+        while let Some(line) = lines.next_data(before_hash) {
             last = Some(line);
             let values: Vec<_> = line.fields().skip(1).collect();
             let count = || match values[..] {
@@ -170,8 +170,4 @@ fn find_coordinates(fields: &[Field]) -> Result<[usize; 3], ReadErrorKind> {
         })?;
     }
     Ok(coordinates)
-}
-
-pub(super) fn before_comment(text: &[u8]) -> &[u8] {
-    text.split(|&b| b == b'#').next().unwrap_or_default()
 }

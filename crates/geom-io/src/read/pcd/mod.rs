@@ -8,8 +8,8 @@ mod lzf;
 
 use point_cloud::GridShape;
 
-use self::header::{Encoding, Field, Header, before_comment, total};
-use super::text::{Lines, finite};
+use self::header::{Encoding, Field, Header, total};
+use super::text::{Lines, before_hash, finite};
 use super::{Format, Scan, rows};
 use crate::error::{Location, ReadErrorKind};
 
@@ -19,7 +19,7 @@ const SHORTEST_LINE: usize = 6;
 pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     let mut lines = Lines::new(bytes);
     let header = Header::parse(&mut lines)?;
-    let (points, read) = match header.encoding {
+    let seen = match header.encoding {
         Encoding::Ascii => read_text(&header, lines),
         Encoding::Binary => read_binary(&header, lines.rest(), Layout::ByPoint),
         Encoding::Compressed => {
@@ -27,8 +27,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
             read_binary(&header, &expanded, Layout::ByField)
         }
     }?;
-    let blind = read - points.len() / 3;
-    let mut scan = Scan::new(Format::Pcd, rows(points, 3));
+    let (read, blind) = (header.points, header.points - seen.rows.len());
+    let mut scan = Scan::new(Format::Pcd, rows(seen.points, 3));
+    scan.rows = seen.rows;
     if blind > 0 {
         scan.notes.push(format!("{blind} points are not a number (nothing was seen there) and were left out"));
     } else if header.height > 1 && header.width > 1 && header.width.checked_mul(header.height) == Some(read) {
@@ -37,27 +38,37 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     Ok(scan)
 }
 
-/// Coordinates, and how many points there were with those that are not a number.
-type Points = (Vec<f64>, usize);
-
-/// Adds a point, unless it is not a number.
-fn push(points: &mut Vec<f64>, xyz: [f64; 3], location: impl Fn() -> Location) -> Result<(), ReadErrorKind> {
-    if xyz.iter().any(|c| c.is_nan()) {
-        return Ok(());
-    }
-    for coordinate in xyz {
-        points.push(finite(coordinate, &location)?);
-    }
-    Ok(())
+/// Points that are a number: their coordinates, and which of those of the file they are.
+struct Seen {
+    points: Vec<f64>,
+    rows: Vec<u32>,
 }
 
-fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Points, ReadErrorKind> {
+impl Seen {
+    fn with_capacity(points: usize) -> Self {
+        Self { points: Vec::with_capacity(3 * points), rows: Vec::with_capacity(points) }
+    }
+
+    /// Adds a point, unless it is not a number.
+    fn push(&mut self, row: usize, xyz: [f64; 3], location: impl Fn() -> Location) -> Result<(), ReadErrorKind> {
+        if xyz.iter().any(|c| c.is_nan()) {
+            return Ok(());
+        }
+        for coordinate in xyz {
+            self.points.push(finite(coordinate, &location)?);
+        }
+        self.rows.push(row as u32);
+        Ok(())
+    }
+}
+
+fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKind> {
     let columns = header.coordinates.map(|field| total(&header.fields[..field], |f| f.count));
     let expected = total(&header.fields, |f| f.count);
-    let mut points = Vec::with_capacity(3 * header.points.min(lines.rest().len() / SHORTEST_LINE));
+    let mut seen = Seen::with_capacity(header.points.min(lines.rest().len() / SHORTEST_LINE));
     let mut row = Vec::new();
     for found in 0..header.points {
-        let line = lines.next_data(before_comment).ok_or_else(|| truncated(header, found))?;
+        let line = lines.next_data(before_hash).ok_or_else(|| truncated(header, found))?;
         row.clear();
         row.extend(line.fields());
         if row.len() != expected {
@@ -67,9 +78,9 @@ fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Points, ReadErrorK
         for (coordinate, column) in xyz.iter_mut().zip(columns) {
             *coordinate = line.number(row[column])?;
         }
-        push(&mut points, xyz, || line.location())?;
+        seen.push(found, xyz, || line.location())?;
     }
-    Ok((points, header.points))
+    Ok(seen)
 }
 
 /// The order of binary values.
@@ -81,14 +92,14 @@ enum Layout {
     ByField,
 }
 
-fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Points, ReadErrorKind> {
+fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, ReadErrorKind> {
     let record = total(&header.fields, Field::width);
     let found = bytes.len() / record;
     if found < header.points {
         return Err(truncated(header, found));
     }
     let offsets = header.coordinates.map(|field| total(&header.fields[..field], Field::width));
-    let mut points = Vec::with_capacity(3 * header.points);
+    let mut seen = Seen::with_capacity(header.points);
     for index in 0..header.points {
         let mut xyz = [0.0; 3];
         for axis in 0..3 {
@@ -100,9 +111,9 @@ fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Points, 
             let number = bytes.get(start..).and_then(|bytes| field.number(bytes));
             xyz[axis] = number.ok_or_else(|| truncated(header, index))?;
         }
-        push(&mut points, xyz, || Location::Record { element: "point".to_owned(), index })?;
+        seen.push(index, xyz, || Location::Record { element: "point".to_owned(), index })?;
     }
-    Ok((points, header.points))
+    Ok(seen)
 }
 
 /// Compressed data: their size, their size when expanded, and they.
