@@ -10,7 +10,7 @@ target=${CARGO_TARGET_DIR:-target}
 thb=$target/release/thb
 cargo build --release --quiet -p cli --bin thb
 # Writes models that are hard on a format: deep meshes, sides that are points, curves.
-cargo test --quiet -p geom-io --test model_peers
+cargo test --quiet -p geom-io --test geom_io model_peers
 models=$target/tmp/peers
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

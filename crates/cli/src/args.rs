@@ -89,7 +89,7 @@ const FIT_HELP: &str = "Examples:
       also the exact model, and a mesh coloured by deviation
   thb fit scans/*.ply -o out/ --jobs 2 --summary out/summary.jsonl
       many parts; out/ gets NAME.step, NAME.json and NAME.report.json of each
-  thb fit cloud.csv --param given --degree 2 --mesh 8x8 --lambda 1e-7 --tol 1e-4 --energy gauss-p --within 1
+  thb fit cloud.csv --param given --method ls --degree 2 --mesh 8x8 --extension 2 --lambda 1e-7 --tol 1e-4 --energy gauss-p --within 1
       parameters u,v from the file, and the settings of a G+Smo fit
 
   thb fit tile.laz --class 2 --height-field -o ground.step
@@ -455,7 +455,7 @@ pub(crate) struct LayoutArgs {
     mask: Option<PathBuf>,
 
     /// Parameters: auto, given, chord, centripetal, parcnn, uniform, mean-value, recd, lpsp, pargcn, bidgcn. auto takes those of the file, else maps
-    /// the mesh with mean-value weights, else goes by chord length along the grid, else spans a mesh over the cloud and asks networks beside. uniform,
+    /// the mesh with mean-value weights, else goes by chord length along the grid, else spans a mesh over the cloud. uniform,
     /// recd and lpsp lay out a cloud by its boundary and weights of neighbours. parcnn (grids), pargcn and bidgcn (clouds) are networks.
     #[arg(long, default_value_t = ParameterOptions::default().param, help_heading = "How it is laid out")]
     param: ParameterChoice,
@@ -463,8 +463,8 @@ pub(crate) struct LayoutArgs {
     /// --lambda then applies in their units).
     #[arg(long, default_value_t = ParameterOptions::default().domain, help_heading = "How it is laid out")]
     domain: Domain,
-    /// Directions in which the surface closes on itself: none, u, v or uv, for grids whose lines close and for parameters
-    /// of the file, which then wrap at 1. --mesh must have more elements there than the degree.
+    /// Directions in which the surface closes on itself: none, u, v or uv, for grids whose lines close, for meshes
+    /// and clouds of tubes, and for parameters of the file, which then wrap at 1. --mesh must have more elements there than the degree.
     #[arg(long, default_value_t = ParameterOptions::default().closed, help_heading = "How it is laid out")]
     closed: Closed,
     /// Four points of the outline that become the corners (0,0), (1,0), (1,1), (0,1): their rows in the file, from 0.

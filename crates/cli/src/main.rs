@@ -3,9 +3,10 @@
 mod args;
 mod progress;
 
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, IsTerminal, Write};
 use std::ops::ControlFlow;
-use std::process::ExitCode;
+use std::process::{self, ExitCode};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Parser;
 use reconstruct::{BatchEvent, BatchOptions, Error, PartOutcome, PartResult, run_batch};
@@ -17,6 +18,8 @@ use progress::Progress;
 const FAILED: u8 = 1;
 const USAGE: u8 = 2;
 const TOLERANCE_NOT_REACHED: u8 = 3;
+/// What shells give for a program that Ctrl-C ended.
+const INTERRUPTED: i32 = 130;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -27,7 +30,11 @@ fn main() -> ExitCode {
     };
     // Failures are reported by `main` itself; the log is for those who ask for it.
     if cli.verbose > 0 {
-        tracing_subscriber::fmt().with_max_level(level).with_writer(io::stderr).init();
+        tracing_subscriber::fmt()
+            .with_max_level(level)
+            .with_writer(io::stderr)
+            .with_ansi(io::stderr().is_terminal())
+            .init();
     }
     match run(cli.command) {
         Ok(code) => ExitCode::from(code),
@@ -89,7 +96,17 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
         jobs: usize::from(args.jobs),
     };
     let progress = Progress::new(args.inputs.len(), options.within);
-    let results = run_batch(&args.inputs, &options, &batch, &|event| progress.show(event))?;
+    static IS_INTERRUPTED: AtomicBool = AtomicBool::new(false);
+    ctrlc::set_handler(|| {
+        if IS_INTERRUPTED.swap(true, Ordering::Relaxed) {
+            process::exit(INTERRUPTED);
+        }
+        complain("ending after this iteration with what there is; interrupt once more to end at once");
+    })?;
+    let results = run_batch(&args.inputs, &options, &batch, &|event| {
+        progress.show(event);
+        if IS_INTERRUPTED.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
     progress.finish();
     for result in &results {
         if let PartOutcome::Failed { error } = &result.outcome {
@@ -97,6 +114,14 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
             let name = result.input.display().to_string();
             complain(&if error.starts_with(&name) { error.clone() } else { format!("{name}: {error}") });
         }
+        // On a terminal the line stands there already.
+        if matches!(result.outcome, PartOutcome::Fitted { reached: false, .. }) && !io::stderr().is_terminal() {
+            complain(&progress::line(result));
+        }
+    }
+    if results.len() < args.inputs.len() {
+        complain(&format!("{} of {} inputs were not begun", args.inputs.len() - results.len(), args.inputs.len()));
+        return Ok(FAILED);
     }
     Ok(exit_code(&results))
 }

@@ -41,6 +41,9 @@ impl Progress {
             )),
             BatchEvent::Done(result) => {
                 self.bar.println(line(result));
+                if let PartOutcome::Fitted { warnings, .. } = &result.outcome {
+                    warnings.iter().for_each(|warning| self.bar.println(format!("  {warning}")));
+                }
                 self.bar.inc(1);
             }
         }
@@ -55,7 +58,8 @@ fn name(input: &Path) -> String {
     input.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-fn line(result: &PartResult) -> String {
+/// What became of a part.
+pub(crate) fn line(result: &PartResult) -> String {
     let name = name(&result.input);
     match &result.outcome {
         PartOutcome::Fitted { reached, stop, dofs, max, within, tolerance, lambda, reweighting, seconds, .. } => {

@@ -101,11 +101,7 @@ pub enum Error {
         value: f64,
     },
     /// The equations do not determine all coefficients.
-    #[error(
-        "the points do not determine the surface: {without_data} of {functions} functions have no point in their support \
-         (first: {first:?}), smoothing weight {lambda:e}; use a positive smoothing weight, a coarser mesh, or points that \
-         do not all lie on a line of the parameter domain"
-    )]
+    #[error("the points do not determine the surface: {}", deficiency(*without_data, *functions, first, *lambda))]
     RankDeficient {
         /// Number of functions without a point in their support.
         without_data: usize,
@@ -160,4 +156,18 @@ pub enum Error {
         /// Number of functions.
         functions: usize,
     },
+}
+
+fn deficiency(without_data: usize, functions: usize, first: &[usize], lambda: f64) -> String {
+    let what = match without_data {
+        0 => format!(
+            "each of {functions} functions has points in its support, but the equations are singular to working precision"
+        ),
+        _ => format!("{without_data} of {functions} functions have no point in their support (first: {first:?})"),
+    };
+    let weight = if lambda > 0.0 { "another smoothing weight" } else { "a positive smoothing weight" };
+    format!(
+        "{what}, smoothing weight {lambda:e}; use {weight}, a coarser mesh, or points that do not all lie on a line of the parameter \
+         domain"
+    )
 }

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use fit_ls::{CellSums, PointBox, SortedPoints, box_sums};
 use rayon::prelude::*;
-use thb_core::{Cell, Extraction, HierarchicalSpace, KnotVector};
+use thb_core::{Cell, Extraction, HierarchicalSpace, KnotVector, unravel};
 
 use crate::Error;
 use crate::order::MortonOrder;
-use crate::region::{Region, unravel};
+use crate::region::Region;
 use crate::span::Spans;
 
 /// Marks a cell whose points have not been summed.

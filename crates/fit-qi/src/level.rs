@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use fit_ls::SortedPoints;
 use rayon::prelude::*;
+use thb_core::unravel;
 
 use crate::cells::{Layout, LevelCells};
 use crate::local::{Chosen, Demand, LocalSolver, Verdict, choose};
 use crate::order::MortonOrder;
-use crate::region::{Region, unravel};
+use crate::region::Region;
 use crate::{Error, LocalLambda};
 
 /// Functions of one parallel task: enough to share the memory of a solver.

@@ -1,10 +1,12 @@
 //! Local problems (Imperatore 2024, Algorithm 3).
 
+use thb_core::unravel;
+
 use crate::band::Band;
 use crate::cells::{Layout, LevelCells};
 use crate::options::LocalLambda;
 use crate::order::MortonOrder;
-use crate::region::{Region, unravel};
+use crate::region::Region;
 use crate::span::pair;
 
 /// The points of a region lie on a line, for what follows, if its width is at most this share of the region. The sums that

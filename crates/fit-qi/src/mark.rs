@@ -2,11 +2,11 @@
 
 use adaptive::Estimate;
 use fit_ls::SortedPoints;
-use thb_core::{CellSpace, HierarchicalSpace};
+use thb_core::{CellSpace, HierarchicalSpace, unravel};
 
 use crate::cells::LevelCells;
 use crate::order::MortonOrder;
-use crate::region::{Region, unravel};
+use crate::region::Region;
 
 /// The leaf cells of their own level in the supports of functions that have an error beyond the tolerance and, in each of
 /// `splits` equal parts per direction of the support, their share of `needed` points. By decreasing largest error, equal

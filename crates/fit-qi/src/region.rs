@@ -83,12 +83,3 @@ impl<const D: usize> Region<D> {
         })
     }
 }
-
-/// The multi-index of a linear index, first direction fastest.
-pub(crate) fn unravel<const D: usize>(mut linear: usize, counts: [usize; D]) -> [usize; D] {
-    counts.map(|n| {
-        let i = linear % n;
-        linear /= n;
-        i
-    })
-}

@@ -3,6 +3,17 @@
 use std::fmt;
 use std::path::PathBuf;
 
+/// Longest quotation from a file in an error, so that a damaged or binary file does not flood the terminal.
+const QUOTE_LENGTH: usize = 40;
+
+/// A text as errors quote it.
+pub(crate) fn quote(text: &str) -> String {
+    match text.char_indices().nth(QUOTE_LENGTH) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// A scan could not be read: which file, and why.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {kind}", path.display())]

@@ -2,7 +2,8 @@
 //!
 //! One module a format. Readers take the whole file into memory and parse bytes; writers go through
 //! [`write_atomically`], so that a file of the given name is either complete or untouched.
-//! This crate does not compute: no scaling, no parameterization, no cleaning of what was read.
+//! This crate does not compute: no scaling, no cleaning of what was read, no parameters but those of
+//! a height field, which are its x and y.
 //!
 //! ```
 //! use geom_io::{Format, ReadOptions, parse_scan};
@@ -23,4 +24,6 @@ pub use model::{
     read_model, write_model,
 };
 pub use read::{Format, ReadOptions, Scan, parse_scan, read_scan};
-pub use write::{ColourMap, MeshFormat, MeshStyle, MeshWithScalars, Scalars, write_atomically, write_mesh};
+pub use write::{
+    ColourMap, MeshFormat, MeshStyle, MeshWithScalars, Scalars, check_writable, write_atomically, write_mesh,
+};

@@ -183,7 +183,7 @@ impl CloudQuality {
             (
                 grade(-correlation, CORRELATIONS.map(|c| -c)),
                 format!(
-                    "parameter and surface distance correlate at {correlation:.2} only: take shape-preserving weights and the correction, or another radius"
+                    "parameter and surface distance correlate at {correlation:.2} only: look at the picture of the parameters for parts that are squeezed or torn apart"
                 ),
             ),
         ])
@@ -197,7 +197,14 @@ impl MapQuality {
         let angle = self.angle.map_or(1.0, |a| a.mean);
         let folds = if self.folded.is_empty() { Verdict::Good } else { Verdict::Poor };
         assess([
-            (folds, format!("{} of {} triangles are folded: map the mesh anew", self.folded.len(), self.triangles)),
+            (
+                folds,
+                format!(
+                    "{} of {} triangles are folded: choose other corners, or another way to lay the points out",
+                    self.folded.len(),
+                    self.triangles
+                ),
+            ),
             (
                 grade(area, AREA_STRETCHES),
                 format!(

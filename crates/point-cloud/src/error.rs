@@ -222,8 +222,8 @@ pub enum CloudError {
     },
     /// A cloud that consists of several large pieces.
     #[error(
-        "the cloud has {} pieces with {sizes:?} points at gaps beyond {reach:.1} spacings; keep the largest one, or fit the pieces one by \
-         one; if they are rows of one surface, thin the points along the rows, give the grid order, or raise the reach",
+        "the cloud has {} pieces with {sizes:?} points at gaps beyond {reach:.1} spacings; fit the pieces one by one; if they are rows of \
+         one surface, thin the points along the rows or give the grid order",
         sizes.len()
     )]
     CloudPieces {

@@ -14,6 +14,8 @@ pub struct LargestDisk {
     pub kept: Vec<usize>,
     /// Number of triangles that were taken out.
     pub removed: usize,
+    /// Number of triangles that were turned over to agree with their neighbours.
+    pub turned: usize,
 }
 
 /// Rounds of taking out fans and pieces; each takes out whole ones, few meshes need a third.
@@ -28,11 +30,15 @@ const ROUNDS: usize = 16;
 pub fn largest_disk(mesh: &TriangleMesh) -> Result<LargestDisk, CloudError> {
     let whole = mesh.triangles.len();
     let mut part = largest_piece(mesh)?;
-    orient_consistently(&mut part.mesh)?;
+    let turned = orient_consistently(&mut part.mesh)?;
     part = without_pinches(part)?;
     let points: Vec<[f64; 3]> = part.mesh.vertices.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
     let handles = handle_triangles(&points, &part.mesh.triangles);
     if !handles.is_empty() {
+        // The rims of seams round its handles are no outline of a closed surface.
+        if let Err(closed @ CloudError::Closed { .. }) = DiskMesh::new(part.mesh.clone()) {
+            return Err(closed);
+        }
         part = without_pinches(without(part, |t| handles.binary_search(&t).is_ok())?)?;
     }
     let disk = DiskMesh::new(part.mesh)?;
@@ -40,7 +46,7 @@ pub fn largest_disk(mesh: &TriangleMesh) -> Result<LargestDisk, CloudError> {
     if removed > 0 {
         tracing::info!(removed, "took triangles out of the mesh to make it a disk");
     }
-    Ok(LargestDisk { disk, kept: part.kept, removed })
+    Ok(LargestDisk { disk, kept: part.kept, removed, turned })
 }
 
 /// The mesh without some of its triangles.
@@ -104,6 +110,7 @@ pub(crate) fn fans(mesh: &TriangleMesh, edges: &EdgeMap) -> Vec<u32> {
 mod tests {
     use super::*;
     use ndarray::Array2;
+    use std::f64::consts::TAU;
 
     /// `n` by `n` cells over the unit lattice, those that `keep` keeps.
     fn sheet(n: usize, keep: impl Fn(usize, usize) -> bool) -> TriangleMesh {
@@ -121,7 +128,13 @@ mod tests {
     fn a_disk_stays_as_it_is() {
         let mesh = sheet(6, |i, j| (i, j) != (2, 3));
         let part = largest_disk(&mesh).unwrap();
-        assert_eq!((part.removed, part.disk.into_mesh(), part.kept), (0, mesh, (0..49).collect()));
+        assert_eq!((part.removed, part.turned, part.disk.into_mesh()), (0, 0, mesh.clone()));
+        assert_eq!(part.kept, (0..49).collect::<Vec<_>>());
+        let mut turned = mesh;
+        for triangle in [3, 10, 11] {
+            turned.triangles[triangle].swap(0, 2);
+        }
+        assert_eq!(largest_disk(&turned).unwrap().turned, 3);
     }
 
     #[test]
@@ -148,5 +161,17 @@ mod tests {
         let vertices = Array2::from_shape_fn((4, 3), |(i, k)| f64::from(u8::from(i == k + 1)));
         let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
         assert!(matches!(largest_disk(&TriangleMesh { vertices, triangles }), Err(CloudError::Closed { .. })));
+        // A torus: cut along its handle it has an outline, of which its shape knows nothing.
+        let at = |i: usize, j: usize| (i % 9 * 9 + j % 9) as u32;
+        let cells = (0..81).map(|c| (c / 9, c % 9));
+        let triangles = cells
+            .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
+            .collect();
+        let vertices = Array2::from_shape_fn((81, 3), |(v, k)| {
+            let (s, t) = ((v / 9) as f64 * TAU / 9.0, (v % 9) as f64 * TAU / 9.0);
+            [(3.0 + t.cos()) * s.cos(), (3.0 + t.cos()) * s.sin(), t.sin()][k]
+        });
+        let torus = largest_disk(&TriangleMesh { vertices, triangles });
+        assert!(matches!(torus, Err(CloudError::Closed { triangles: 162 })), "{torus:?}");
     }
 }

@@ -90,7 +90,8 @@ pub enum PartOutcome {
     },
 }
 
-/// Fits every input and writes its outputs. The results stand in the order of the inputs.
+/// Fits every input and writes its outputs. The results stand in the order of the inputs. Once `on_event` answers
+/// [`ControlFlow::Break`] parts that are being fitted are written as they are, and no other is begun.
 ///
 /// # Errors
 /// [`Error::NeedsDirectory`], [`Error::SameName`], [`Error::OutputFormat`], [`Error::OutputTwice`],
@@ -99,7 +100,7 @@ pub fn run_batch(
     inputs: &[PathBuf],
     options: &FitOptions,
     batch: &BatchOptions,
-    on_event: &(dyn Fn(BatchEvent<'_>) + Sync),
+    on_event: &(dyn Fn(BatchEvent<'_>) -> ControlFlow<()> + Sync),
 ) -> Result<Vec<PartResult>, Error> {
     options.check()?;
     check_outputs(inputs, batch)?;
@@ -111,19 +112,22 @@ pub fn run_batch(
     let results: Mutex<Results> = Mutex::new(Results { parts: vec![None; inputs.len()], summary: Ok(()) });
     let work = |i: usize| {
         let result = fit_part(&inputs[i], &outputs[i], options, on_event);
-        on_event(BatchEvent::Done(&result));
+        let further = on_event(BatchEvent::Done(&result));
         if let Ok(mut results) = results.lock() {
             results.parts[i] = Some(result);
             if let Some(path) = &batch.summary {
                 results.summary = write_summary(path, &results.parts);
             }
         }
+        further
     };
     // Each job takes the next part that nobody has taken.
     let next = AtomicUsize::new(0);
     let job = || {
         while let Some(i) = Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&i| i < inputs.len()) {
-            work(i);
+            if work(i).is_break() {
+                break;
+            }
         }
     };
     std::thread::scope(|scope| {
@@ -157,13 +161,10 @@ fn fit_part(
     input: &Path,
     outputs: &OutputPaths,
     options: &FitOptions,
-    on_event: &(dyn Fn(BatchEvent<'_>) + Sync),
+    on_event: &(dyn Fn(BatchEvent<'_>) -> ControlFlow<()> + Sync),
 ) -> PartResult {
-    let mut watch = |event: Event<'_>| {
-        on_event(BatchEvent::Within { input, event });
-        ControlFlow::Continue(())
-    };
-    let fitted = fit_file(input, options, &mut watch).and_then(|fit| {
+    let mut watch = |event: Event<'_>| on_event(BatchEvent::Within { input, event });
+    let fitted = outputs.check_writable().and_then(|()| fit_file(input, options, &mut watch)).and_then(|fit| {
         write_outputs(&fit, outputs)?;
         Ok(fit.report)
     });
@@ -250,4 +251,32 @@ fn identity(path: &Path) -> PathBuf {
         Some(parent.canonicalize().ok()?.join(path.file_name()?))
     };
     path.canonicalize().ok().or_else(of_parent).unwrap_or_else(|| path.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_observer_that_breaks_gets_what_was_found_and_no_further_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut text = String::from("u,v,x,y,z\n");
+        for k in 0..400 {
+            let (u, v) = (f64::from(k % 20) / 19.0, f64::from(k / 20) / 19.0);
+            text += &format!("{u},{v},{u},{v},{}\n", (9.0 * u * v).sin());
+        }
+        let inputs = ["first.csv", "second.csv"].map(|name| folder.path().join(name));
+        inputs.iter().for_each(|input| std::fs::write(input, &text).unwrap());
+        let out = folder.path().join("out");
+        let batch = BatchOptions { outputs: vec![out.clone()], jobs: 1, ..BatchOptions::default() };
+        let options = FitOptions { tol: crate::Tolerance::Absolute(1e-9), ..FitOptions::default() };
+        let observer = |event: BatchEvent<'_>| match event {
+            BatchEvent::Within { event: Event::Iteration(_), .. } | BatchEvent::Done(_) => ControlFlow::Break(()),
+            BatchEvent::Within { .. } => ControlFlow::Continue(()),
+        };
+        let results = run_batch(&inputs, &options, &batch, &observer).unwrap();
+        assert_eq!(results.len(), 1);
+        assert!(matches!(results[0].outcome, PartOutcome::Fitted { stop: "interrupted", reached: false, .. }));
+        assert!(out.join("first.step").is_file() && !out.join("second.step").exists());
+    }
 }

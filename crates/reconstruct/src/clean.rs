@@ -19,6 +19,8 @@ use crate::{Error, Event, ParameterOptions, Watch};
 const OUTLIERS: (usize, f64) = (12, 5.0);
 /// Neighbours, and spacings over which they still belong to one piece.
 const PIECES: (usize, f64) = (24, 3.0);
+/// Share of the points up to which those off the largest piece are stray. Rows far apart are pieces too.
+pub(crate) const STRAY_MOST: f64 = 0.5;
 /// Points up to which outliers and stray pieces are looked for unasked: it takes a second for each 4·10⁵ points.
 const LOOKED_AT: usize = 200_000;
 
@@ -130,14 +132,22 @@ impl Cleaned {
             let mesh = TriangleMesh { vertices: self.scan.cloud.points.clone(), triangles: triangles.clone() };
             let SubMesh { kept, .. } = largest_piece(&mesh)?;
             self.found.stray = Some(self.rows.len() - kept.len());
-            return if remove { self.keep(kept, "--clean stray") } else { Ok(()) };
+            return if remove { self.keep_piece(kept) } else { Ok(()) };
         }
         check_surface_cloud(self.scan.cloud.points.view(), 4)?;
         let pieces = find_stray_pieces(self.neighbours()?, PIECES.1)?;
         let kept: Vec<usize> = (0..self.rows.len()).filter(|&i| pieces.piece_of[i] == 0).collect();
         self.found.stray = Some(self.rows.len() - kept.len());
         self.found.pieces = Some(pieces.sizes.len());
-        if remove { self.keep(kept, "--clean stray") } else { Ok(()) }
+        if remove { self.keep_piece(kept) } else { Ok(()) }
+    }
+
+    fn keep_piece(&mut self, kept: Vec<usize>) -> Result<(), Error> {
+        let given = self.rows.len();
+        if (given - kept.len()) as f64 > STRAY_MOST * given as f64 {
+            return Err(Error::NotStray { kept: kept.len(), given });
+        }
+        self.keep(kept, "--clean stray")
     }
 
     fn outliers(&mut self, remove: bool) -> Result<(), Error> {

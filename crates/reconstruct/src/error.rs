@@ -135,6 +135,27 @@ pub enum Error {
         /// What stands there.
         text: String,
     },
+    /// Most points lie off the largest piece.
+    #[error(
+        "--clean stray would leave {kept} of {given} points: most lie off the largest piece, so they are not stray; the cloud may be rows \
+         far apart (give the grid order, columns i,j), or several parts (fit them one by one)"
+    )]
+    NotStray {
+        /// Points of the largest piece.
+        kept: usize,
+        /// Number of points.
+        given: usize,
+    },
+    /// More control points than asked for before anything is refined.
+    #[error(
+        "--max-dofs {most} is less than the {dofs} control points that the fit starts with; allow as many, or start with a coarser --mesh"
+    )]
+    MaxDofs {
+        /// Most control points.
+        most: usize,
+        /// Control points of the first mesh.
+        dofs: usize,
+    },
     /// A mask is no ESRI grid.
     #[error("{}: a mask is a grid file (.asc); cells that are 0 or without data are left out", path.display())]
     Mask {

@@ -6,13 +6,13 @@ use std::time::Instant;
 
 use adaptive::Stop;
 use geom_io::{Model, Scan, read_scan};
-use ndarray::{Array1, Array2};
-use point_cloud::BoundingBox;
+use ndarray::{Array1, Array2, Axis};
+use point_cloud::{BoundingBox, loop_length};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
 use crate::parameter_options::Domain;
-use crate::parameters::{extent, parameterize};
+use crate::parameters::{Parameterized, extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
 use crate::reweighting::robust_diagonal;
 use crate::trim::trims;
@@ -24,6 +24,12 @@ pub(crate) const SAMPLES: usize = 4;
 /// Control points as a share of the points from which on the user is warned: then there are hardly more equations than
 /// unknowns, in a fit with moving parameters fewer.
 const CROWDED: f64 = 0.7;
+
+/// Share of neighbouring samples between which the normal may turn by more than a right angle before the user is warned.
+const CREASED: f64 = 2e-3;
+
+/// Length of a hole's rim, as a share of the outline's, from which on both may be the ends of a tube.
+const LIKE: f64 = 0.5;
 
 /// A fitted surface with its report and its data.
 #[derive(Clone, Debug)]
@@ -98,6 +104,9 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     );
 
     let space = Arc::new(HierarchicalSpace::new(Kind::Thb, level_zero_knots(&laid_out.parameters, options)?)?);
+    if let Some(most) = options.max_dofs.filter(|&most| most < space.n_functions()) {
+        return Err(Error::MaxDofs { most, dofs: space.n_functions() });
+    }
     let problem = Problem {
         points: laid_out.points.view(),
         parameters: laid_out.parameters.view(),
@@ -131,10 +140,21 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         ));
     }
     if hsd > FAR * diagonal {
+        let advice = match is_tube_like(&laid_out) {
+            true => "two rims are of like length, as those of a tube, which --closed u goes round",
+            false => "look at it, and raise --lambda if it swings",
+        };
         warnings.push(format!(
             "the surface leaves the points by up to {hsd:.4e}, {:.1} % of the diagonal: it spans a void or swings out \
-             between points; look at it, and raise --lambda if it swings",
+             between points; {advice}",
             100.0 * hsd / diagonal
+        ));
+    }
+    if creases > CREASED {
+        warnings.push(format!(
+            "the surface turns by more than a right angle between {:.2} % of its neighbouring samples: at sharp edges, or where it is \
+             folded; look at it",
+            100.0 * creases
         ));
     }
     warnings.extend(reweighting.iter().flat_map(|found| found.warnings(points.nrows())));
@@ -188,6 +208,13 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     model.metadata.insert("source".into(), name.into());
     let reversed = laid_out.reversed != options.flip;
     Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed, stop })
+}
+
+/// Whether a hole is about as long as the outline.
+fn is_tube_like(laid_out: &Parameterized) -> bool {
+    let rows: Vec<usize> = laid_out.boundary.iter().map(|&i| i as usize).collect();
+    let outline = loop_length(laid_out.points.select(Axis(0), &rows).view());
+    laid_out.closed == [false; 2] && laid_out.report.holes.iter().any(|hole| hole.length > LIKE * outline)
 }
 
 fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[KnotVector; 2], Error> {

@@ -145,7 +145,7 @@ impl FitOptions {
         range("--levels", self.levels.to_string(), "1 to 16", (1..=MAX_LEVELS).contains(&self.levels))?;
         let [u, v] = self.extension();
         range("--extension", Pair([u, v]).to_string(), "0 to 64", u.max(v) <= 64)?;
-        range("--admissible", format!("{:?}", self.admissible), "2 or more", self.admissible.is_none_or(|m| m >= 2))?;
+        range("--admissible", typed(self.admissible), "2 or more", self.admissible.is_none_or(|m| m >= 2))?;
         if let BlendChoice::Constant(gamma) = self.blend {
             range("--blend", gamma.to_string(), "0 to 1", (0.0..=1.0).contains(&gamma))?;
         }
@@ -171,6 +171,11 @@ impl FitOptions {
         }
         Ok(())
     }
+}
+
+/// A number as it was typed.
+pub(crate) fn typed(number: Option<usize>) -> String {
+    number.map_or_else(String::new, |n| n.to_string())
 }
 
 /// The check of an option's range.

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use geom_io::{
-    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, WriteOptions, write_atomically,
-    write_mesh, write_model,
+    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, WriteOptions, check_writable,
+    write_atomically, write_mesh, write_model,
 };
 use serde::Serialize;
 
@@ -28,6 +28,9 @@ impl OutputPaths {
     pub fn of(input: &Path, outputs: &[PathBuf], report: Option<&Path>) -> Result<Self, Error> {
         let mut paths = Self { files: Vec::new(), report: report.map(Path::to_owned) };
         for output in outputs {
+            if output.as_os_str() == "-" {
+                return Err(Error::OutputFormat { path: output.clone() });
+            }
             if is_directory(output) {
                 let stem = part_name(input);
                 paths.files.push(output.join(format!("{stem}.step")));
@@ -40,6 +43,16 @@ impl OutputPaths {
             }
         }
         Ok(paths)
+    }
+}
+
+impl OutputPaths {
+    /// Checks that files can be made where the outputs will stand, before work is done for them.
+    ///
+    /// # Errors
+    /// [`Error::Write`] with the file.
+    pub(crate) fn check_writable(&self) -> Result<(), Error> {
+        Ok(self.files.iter().chain(&self.report).try_for_each(|path| check_writable(path))?)
     }
 }
 

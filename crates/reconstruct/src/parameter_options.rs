@@ -9,7 +9,7 @@ use param_classic::{Radius, Rule};
 use serde::Serialize;
 
 use crate::Error;
-use crate::options::{ParseOptionError, named, parse_error, range, serialize_as_typed};
+use crate::options::{ParseOptionError, named, parse_error, range, serialize_as_typed, typed};
 
 /// How a scan is read, cleaned and laid out on the unit square.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -85,7 +85,7 @@ impl ParameterOptions {
             "none with --domain data: closed directions have the period 1",
             unit,
         )?;
-        range("--thin", format!("{:?}", self.thin), "4 or more", self.thin.is_none_or(|n| n >= 4))?;
+        range("--thin", typed(self.thin), "4 or more", self.thin.is_none_or(|n| n >= 4))?;
         range("--subset", self.subset.to_string(), "500 or more", self.subset >= LEAST_SUBSET)
     }
 }
@@ -93,8 +93,7 @@ impl ParameterOptions {
 named!(
     /// Where parameters come from.
     ParameterChoice, "auto, given, chord, centripetal, parcnn, uniform, mean-value, recd, lpsp, pargcn or bidgcn",
-    /// Given ones, else a mean-value map of the mesh, else chord length along the grid, else by the shape of the cloud, with a
-    /// network asked beside.
+    /// Given ones, else a mean-value map of the mesh, else chord length along the grid, else by the shape of the cloud.
     Auto = "auto",
     /// Those of the file.
     Given = "given",

@@ -113,7 +113,7 @@ pub struct ResultReport {
     pub creases: f64,
     /// Seconds from the points to the result.
     pub seconds: f64,
-    /// Why the loop ended: tolerance, levels, max-dofs, stagnation, iterations, interrupted, failed.
+    /// Why the loop ended: tolerance, levels, too-few-points, max-dofs, stagnation, iterations, interrupted, failed.
     pub stop: &'static str,
     /// Whether the asked share of points is within the tolerance.
     pub reached: bool,

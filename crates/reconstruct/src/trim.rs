@@ -6,6 +6,8 @@ use std::sync::Arc;
 use fit_ls::{Lambda, LeastSquares};
 use ndarray::{Array2, ArrayView2, Axis};
 use point_cloud::{BoundaryParams, CloudError, TriangleMesh, find_boundary, largest_disk};
+use rstar::primitives::{GeomWithData, Line};
+use rstar::{AABB, RTree};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::{Error, Parameterized};
@@ -187,15 +189,21 @@ fn crosses(first: &[[f64; 2]], second: &[[f64; 2]]) -> bool {
     }
     let side = |p: [f64; 2], [a, b]: [[f64; 2]; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
     let apart = |p: [[f64; 2]; 2], q: [[f64; 2]; 2]| side(p[0], q) * side(p[1], q) > 0.0;
-    // Pieces of one straight line lie on no side of each other.
-    let beside = |p: [[f64; 2]; 2], q: [[f64; 2]; 2]| {
-        (0..2).any(|d| p[0][d].max(p[1][d]) < q[0][d].min(q[1][d]) || q[0][d].max(q[1][d]) < p[0][d].min(p[1][d]))
-    };
     let n = first.len();
+    let are_neighbours = |i: usize, j: usize| i == j || (i + 1) % n == j || (j + 1) % n == i;
+    let pieces = (0..second.len()).map(|j| {
+        let [a, b] = piece(second, j);
+        GeomWithData::new(Line::new(a, b), j)
+    });
+    let tree = RTree::bulk_load(pieces.collect());
     (0..n).any(|i| {
         let p = piece(first, i);
-        let others = if same { i + 2..n - usize::from(i == 0) } else { 0..second.len() };
-        others.map(|j| piece(second, j)).any(|q| !beside(p, q) && !apart(p, q) && !apart(q, p))
+        // Pieces of one straight line lie on no side of each other, so their boxes have to meet too.
+        let mut near = tree.locate_in_envelope_intersecting(AABB::from_corners(p[0], p[1]));
+        near.any(|other| {
+            let q = piece(second, other.data);
+            !(same && are_neighbours(i, other.data)) && !apart(p, q) && !apart(q, p)
+        })
     })
 }
 

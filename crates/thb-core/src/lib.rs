@@ -56,7 +56,7 @@ pub use refine::{Mark, Refinement};
 pub use small_cholesky::SmallCholesky;
 pub use space::{Cell, CellSpace, Extraction};
 pub use sparse::{SymmetricMatrix, SymmetricPattern};
-pub use tensor::TensorSpace;
+pub use tensor::{TensorSpace, unravel};
 pub use transfer::transfer;
 
 /// Largest polynomial degree per direction, so that basis values fit on the stack.

@@ -17,12 +17,24 @@ impl<const D: usize> HierarchicalSpace<D> {
         self.locate_cell(lower)?;
         self.locate_cell(upper)?;
         let mut breaks: [Vec<f64>; D] = std::array::from_fn(|_| Vec::new());
-        for number in 0..self.n_cells() {
-            let cell = self.cell(number);
-            if (0..D).all(|d| cell.upper[d] > lower[d] && cell.lower[d] < upper[d]) {
-                for (d, list) in breaks.iter_mut().enumerate() {
-                    list.extend([cell.lower[d], cell.upper[d]].iter().filter(|&&t| t > lower[d] && t < upper[d]));
-                }
+        // Down the tree within the box only: a model may be cut into thousands of boxes.
+        let mut rest: Vec<_> = self.mesh().roots().collect();
+        while let Some(node) = rest.pop() {
+            let (level, index) = (self.mesh().level(node), self.mesh().cell_index(node));
+            let mut ends = [[0.0; 2]; D];
+            for (d, ends) in ends.iter_mut().enumerate() {
+                let breaks = self.knots(level, d)?.breaks();
+                *ends = [breaks[index[d] as usize], breaks[index[d] as usize + 1]];
+            }
+            if (0..D).any(|d| ends[d][1] <= lower[d] || ends[d][0] >= upper[d]) {
+                continue;
+            }
+            if !self.mesh().is_leaf(node) {
+                rest.extend(self.mesh().children(node));
+                continue;
+            }
+            for (d, list) in breaks.iter_mut().enumerate() {
+                list.extend(ends[d].iter().filter(|&&t| t > lower[d] && t < upper[d]));
             }
         }
         let mut knots = Vec::with_capacity(D);

@@ -113,7 +113,7 @@ pub(crate) fn spans_at<const D: usize>(knots: [&KnotVector; D], u: [f64; D]) -> 
 }
 
 /// The multi-index of a linear index, first direction fastest.
-pub(crate) fn unravel<const D: usize>(mut linear: usize, counts: [usize; D]) -> [usize; D] {
+pub fn unravel<const D: usize>(mut linear: usize, counts: [usize; D]) -> [usize; D] {
     counts.map(|n| {
         let i = linear % n;
         linear /= n;

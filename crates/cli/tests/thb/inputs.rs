@@ -102,7 +102,13 @@ fn equal_points_are_a_warning() {
     let last = text.lines().last().unwrap();
     let lab = Lab::with("scan.csv", format!("{text}{last}\n{last}\n"));
     lab.put("soup.off", scans::triangle_soup());
-    for (scan, words) in [("scan.csv", "2 points are equal"), ("soup.off", "695 equal vertices were merged")] {
+    let collapsed = scans::mesh().replacen(" 288 0", " 289 0", 1) + "3 5 5 6\n";
+    lab.put("flat.off", collapsed);
+    for (scan, words) in [
+        ("scan.csv", "2 points are equal"),
+        ("soup.off", "695 equal vertices were merged"),
+        ("flat.off", "1 triangles with a vertex twice"),
+    ] {
         lab.succeeds(&format!("fit {scan} -o part.json --report report.json"));
         let report = lab.json("report.json");
         let warnings = report["warnings"].as_array().unwrap();

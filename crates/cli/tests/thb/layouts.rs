@@ -177,7 +177,7 @@ fn rows_are_those_of_the_file_whatever_was_sorted_or_left_out() {
         assert_eq!(line[1..4], in_file, "row {}", line[0]);
     }
     // What an option names is found by those rows, and errors give them back, through a subset too.
-    let places = scattered(20, 900);
+    let places = scattered(40, 1600);
     let corners = corner_rows(&places);
     let inside = places.iter().rposition(|(_, on_boundary)| !on_boundary).unwrap();
     let blind = 3;
@@ -192,7 +192,7 @@ fn rows_are_those_of_the_file_whatever_was_sorted_or_left_out() {
     let found = lab.prints_json(&format!("param raw.pcd {}", given(named[0])));
     assert_eq!(found["parameterization"]["corners"], serde_json::json!(named));
     let wrong = format!("row {}", inside + blind);
-    for subset in ["", "--subset 200"] {
+    for subset in ["", "--subset 500"] {
         lab.fails(&format!("param raw.pcd --param lpsp {subset} {}", given(inside + blind)), 1, &[&wrong]);
     }
     lab.fails("param raw.pcd --corners 0,1,2,3", 1, &["row 0", "left out"]);

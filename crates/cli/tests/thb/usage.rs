@@ -80,15 +80,10 @@ fn outputs_that_cannot_be_written() {
     for outputs in ["-o file/part.step", "-o file/deeper/", "-o file/part.vtk"] {
         lab.fails(&format!("fit scan.off {outputs}"), 1, &["scan.off", "file"]);
     }
-    // What the failure does not concern may be there, but whole, and no temporary file.
-    let run = lab.thb("fit scan.off -o part.json -o file/part.step");
-    assert_eq!(run.code, 1);
-    assert!(
-        lab.files().iter().all(|name| ["scan.off", "file", "part.json"].contains(&name.as_str())),
-        "{:?}",
-        lab.files()
-    );
-    assert_eq!(lab.prints_json("info part.json")["kind"], "model");
+    // It is told before anything is fitted, and nothing is left behind.
+    lab.fails("fit scan.off -o part.json -o file/part.step", 1, &["file/part.step"]);
+    lab.fails("fit none.off -o file/part.step", 1, &["file/part.step"]);
+    assert_eq!(lab.files(), ["file", "scan.off"].map(str::to_owned).into());
 }
 
 #[test]

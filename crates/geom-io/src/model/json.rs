@@ -144,7 +144,7 @@ pub fn parse_json(bytes: &[u8]) -> Result<Model, ModelErrorKind> {
     match header.format.as_str() {
         Some(FORMAT) => {}
         other => {
-            let found = crate::model::quote(other.unwrap_or_default());
+            let found = crate::error::quote(other.unwrap_or_default());
             return Err(ModelErrorKind::ForeignFormat { found, expected: FORMAT });
         }
     }

@@ -180,13 +180,3 @@ pub fn read_model(path: &Path) -> Result<Model, ModelError> {
     };
     read().map_err(|kind| ModelError { path: path.to_owned(), kind })
 }
-
-/// Longest quotation from a file in an error, so that a damaged file does not flood the terminal.
-const QUOTE_LENGTH: usize = 40;
-
-fn quote(text: &str) -> String {
-    match text.char_indices().nth(QUOTE_LENGTH) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
-}

@@ -2,9 +2,6 @@
 
 use crate::error::{Location, ReadErrorKind};
 
-/// Longest quotation from a file in an error, so that a binary file does not flood the terminal.
-const QUOTE_LENGTH: usize = 40;
-
 /// A line without its end, and its number.
 #[derive(Clone, Copy)]
 pub(super) struct Line<'a> {
@@ -217,9 +214,5 @@ pub(super) fn is_text(bytes: &[u8]) -> bool {
 }
 
 pub(super) fn quote(bytes: &[u8]) -> String {
-    let text = String::from_utf8_lossy(bytes);
-    match text.char_indices().nth(QUOTE_LENGTH) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.into_owned(),
-    }
+    crate::error::quote(&String::from_utf8_lossy(bytes))
 }

@@ -8,11 +8,12 @@ use moving_param::{Boundary, Constraints, FootPointOptions, foot_points};
 use ndarray::{Array2, ArrayView2, Axis, arr1};
 use param_classic::{extend_map, map_quality, triangulate_parameters, unroll};
 use point_cloud::spread_subset;
-use thb_core::{HierarchicalSpace, Kind, KnotVector};
+use thb_core::{HierarchicalSpace, Kind};
 
 use super::closed::wrap;
 use super::cloud::{self, Cloud, STRAY};
 use super::{Layout, network, spread_over_square};
+use crate::fit::uniform_knots;
 use crate::parameter_options::ParameterChoice;
 use crate::{Error, Event, ParameterOptions, Watch};
 
@@ -142,11 +143,8 @@ fn project(
     elements: usize,
     closed: [bool; 2],
 ) -> Result<Array2<f64>, Error> {
-    let knots = |closed: bool| match closed {
-        true => KnotVector::uniform_periodic(DEGREE, elements),
-        false => KnotVector::uniform(DEGREE, elements),
-    };
-    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots(closed[0])?, knots(closed[1])?])?);
+    let knots = [uniform_knots(DEGREE, elements, closed[0])?, uniform_knots(DEGREE, elements, closed[1])?];
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, knots)?);
     let mut fit = LeastSquares::new(parameters.view(), points, None, fit_ls::Options::default())?;
     let map = fit.fit(&space)?;
     let free = Constraints::in_space(parameters.view(), space.as_ref(), Boundary::Free);

@@ -60,7 +60,10 @@ fn disk_of(mesh: &TriangleMesh) -> Result<(DiskMesh, Vec<u32>, Vec<String>), Err
     let (mut merged, duplicates, dropped) = merge_duplicate_vertices(mesh);
     let mut kept: Vec<u32> = duplicates.kept.iter().map(|&row| row as u32).collect();
     if duplicates.count() > 0 {
-        warnings.push(format!("{} equal vertices were merged, {dropped} triangles vanished", duplicates.count()));
+        warnings.push(format!("{} equal vertices were merged", duplicates.count()));
+    }
+    if dropped > 0 {
+        warnings.push(format!("{dropped} triangles with a vertex twice were left out"));
     }
     let unused = unreferenced_vertices(&merged).len();
     if unused > 0 {
@@ -74,7 +77,7 @@ fn disk_of(mesh: &TriangleMesh) -> Result<(DiskMesh, Vec<u32>, Vec<String>), Err
     if (merged.triangles.len() - largest) as f64 > STRAY * merged.triangles.len() as f64 {
         return Err(CloudError::SeveralPieces { count: sizes.len(), sizes }.into());
     }
-    let LargestDisk { disk, kept: in_disk, removed } = largest_disk(&merged)?;
+    let LargestDisk { disk, kept: in_disk, removed, turned } = largest_disk(&merged)?;
     if removed > 0 {
         warnings.push(format!(
             "{removed} triangles and {} vertices were taken out of the mesh to make it a disk: stray pieces, pinched \
@@ -83,8 +86,8 @@ fn disk_of(mesh: &TriangleMesh) -> Result<(DiskMesh, Vec<u32>, Vec<String>), Err
         ));
     }
     let kept = in_disk.iter().map(|&at| kept[at]).collect();
-    if disk.flipped() > 0 {
-        warnings.push(format!("{} triangles were turned over to agree with their neighbours", disk.flipped()));
+    if turned > 0 {
+        warnings.push(format!("{turned} triangles were turned over to agree with their neighbours"));
     }
     Ok((disk, kept, warnings))
 }

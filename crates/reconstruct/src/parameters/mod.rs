@@ -114,7 +114,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     let Cleaned { scan, rows, found, .. } = clean(scan, options, watch)?;
     check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let mut warnings = scan.notes.clone();
-    warnings.extend(found.warnings(&options.clean));
+    warnings.extend(found.warnings(&options.clean, rows.len()));
 
     let _ = watch(Event::Step("laying out"));
     let confidence = scan.weights.clone();

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::{Layout, NetworkReport, spread_over_square};
 use crate::Error;
 use crate::clean::Found;
+use crate::clean::STRAY_MOST;
 use crate::parameter_options::{Clean, Closed, Domain};
 
 /// Points that voids and distances are measured on, evenly taken from all. Their triangulation takes a tenth of a second.
@@ -132,7 +133,10 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
         // Lines of a grid and parameters of a file may be meant as they are, however they stretch the surface.
         verdict = verdict.min(Verdict::Usable);
     }
-    let hints: Vec<&str> = assessments.iter().map(|a| a.hint.as_str()).filter(|hint| !hint.is_empty()).collect();
+    let mut hints: Vec<&str> = assessments.iter().map(|a| a.hint.as_str()).filter(|hint| !hint.is_empty()).collect();
+    if verdict == Verdict::Poor && layout.spacing.is_some() && !layout.is_height_field {
+        hints.push("a terrain, or what one direction sees whole, is better laid out by x and y (--height-field)");
+    }
     Ok(ParameterReport {
         method: layout.method,
         refined: layout.refined,
@@ -166,13 +170,17 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
 
 impl Found {
     /// What was found but not removed.
-    pub(super) fn warnings(&self, removed: &[Clean]) -> Vec<String> {
+    pub(super) fn warnings(&self, removed: &[Clean], points: usize) -> Vec<String> {
         let mut warnings = Vec::new();
         match self.stray {
-            Some(stray) if stray > 0 && !removed.contains(&Clean::Stray) => warnings.push(format!(
-                "{stray} points lie outside the largest piece{}; --clean stray removes them",
-                self.pieces.map(|pieces| format!(" of {pieces}")).unwrap_or_default()
-            )),
+            Some(stray) if stray > 0 && !removed.contains(&Clean::Stray) => {
+                let advice = match stray as f64 > STRAY_MOST * points as f64 {
+                    true => "they are not stray, but rows far apart or several parts",
+                    false => "--clean stray removes them",
+                };
+                let pieces = self.pieces.map(|pieces| format!(" of {pieces}")).unwrap_or_default();
+                warnings.push(format!("{stray} points lie outside the largest piece{pieces}; {advice}"));
+            }
             _ => {}
         }
         match self.outliers {

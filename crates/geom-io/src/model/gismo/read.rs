@@ -5,8 +5,9 @@ use roxmltree::{Document, Node};
 use thb_core::{HierarchicalMesh, Kind, KnotVector, SplineMap};
 
 use super::boxes::{LevelBox, refine_to_boxes};
+use crate::error::quote;
 use crate::model::build::Parts;
-use crate::model::{Geometry, LengthUnit, Model, ModelErrorKind, quote};
+use crate::model::{Geometry, LengthUnit, Model, ModelErrorKind};
 
 /// Reads the one geometry of a file.
 ///

@@ -1,10 +1,8 @@
 //! Normal equations as a statistic that adds up, points without weight, and problems that have no solution.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{Random, largest_difference, random_map, refined, scattered};
+use crate::common::{Random, largest_difference, random_map, refined, scattered};
 use fit_ls::{Error, Lambda, LeastSquares, NormalEquations, Options, SortedPoints};
 use ndarray::{Array1, Array2, Axis};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SymmetricPattern};

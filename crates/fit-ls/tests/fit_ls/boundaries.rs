@@ -1,10 +1,8 @@
 //! Surfaces with given boundary curves.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{Random, largest_difference, random_map, refined, scattered};
+use crate::common::{Random, largest_difference, random_map, refined, scattered};
 use fit_ls::{Error, Lambda, LeastSquares, Options, Side, boundary_coefficients, boundary_functions};
 use ndarray::Array2;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};

@@ -1,10 +1,8 @@
 //! G+Smo's XML: what is written comes back; files of G+Smo's own making are read; nothing panics.
 
-mod model_common;
-
+use crate::model_common::{curve, random_map, random_space, ring};
 use geom_io::model::gismo::{parse_gismo, write_gismo};
 use geom_io::model::{Geometry, LengthUnit, Model, ModelErrorKind};
-use model_common::{curve, random_map, random_space, ring};
 use proptest::prelude::*;
 use thb_core::{CellSpace, Kind, SplineMap};
 

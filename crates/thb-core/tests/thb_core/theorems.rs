@@ -1,7 +1,5 @@
 //! The theorems about HB- and THB-splines, over a grid of degrees, levels and random refinements.
 
-mod common;
-
 use std::sync::Arc;
 
 use ndarray::Array2;
@@ -11,7 +9,7 @@ use thb_core::{
     SymmetricPattern, ThinPlate, transfer,
 };
 
-use self::common::random_map;
+use crate::common::random_map;
 
 /// A space refined at random places: `choices` picks one leaf cell a round.
 fn refined<const D: usize>(kind: Kind, degree: usize, elements: usize, choices: &[u16]) -> HierarchicalSpace<D> {

@@ -1,10 +1,8 @@
 //! Hausdorff distances against closed forms.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::Random;
+use crate::common::Random;
 use fit_ls::{Error, Lambda, LeastSquares, Options, directed_hausdorff, hausdorff};
 use ndarray::Array2;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};

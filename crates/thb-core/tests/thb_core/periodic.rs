@@ -1,7 +1,5 @@
 //! Periodic directions: the theorems about splines that close on themselves, over degrees, levels and random refinements.
 
-mod common;
-
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -12,7 +10,7 @@ use thb_core::{
     TensorSpace, ThinPlate, transfer,
 };
 
-use self::common::random_map;
+use crate::common::random_map;
 
 fn knots(degree: usize, elements: usize, periodic: bool) -> KnotVector {
     let of = if periodic { KnotVector::uniform_periodic } else { KnotVector::uniform };

@@ -1,13 +1,11 @@
 //! STEP: the structure of the files, read back with a small parser of ISO 10303-21.
 
-mod model_common;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use crate::model_common::{cap, curve, dome, ring, sheet, spots};
 use geom_io::model::step::{StepFile, StepOptions};
 use geom_io::model::{LengthUnit, Model, ModelErrorKind};
-use model_common::{cap, curve, dome, ring, sheet, spots};
 use ndarray::Array2;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap, TensorSpace};
 

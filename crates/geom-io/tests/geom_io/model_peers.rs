@@ -2,14 +2,12 @@
 //!
 //! The files go to the folder that Cargo keeps for tests, `target/tmp/peers`.
 
-mod model_common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::model_common::{cap, curve, dome, ring, sheet, spots};
 use geom_io::model::{Geometry, LengthUnit, Model, StepOptions, WriteOptions, read_model, write_model};
-use model_common::{cap, curve, dome, ring, sheet, spots};
 use ndarray::Array2;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 

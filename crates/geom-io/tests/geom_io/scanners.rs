@@ -1,14 +1,12 @@
 //! Formats of scanners and of printers, compressed text, and the options of reading.
 
-mod scan_files;
-
 use std::path::Path;
 
 use geom_io::{Format, Location, ReadErrorKind as Kind, ReadOptions, Scan, parse_scan, read_scan};
 use ndarray::{Array2, arr2, aview2};
 use point_cloud::GridShape;
 
-use scan_files::{PCD_POINTS, POINTS, STL_TEXT, e57, gzip, las, pcd_binary, pcd_compressed, pcd_text, stl};
+use crate::scan_files::{PCD_POINTS, POINTS, STL_TEXT, e57, gzip, las, pcd_binary, pcd_compressed, pcd_text, stl};
 
 fn read(format: Format, bytes: impl AsRef<[u8]>) -> Scan {
     parse_scan(bytes.as_ref(), format, &ReadOptions::default()).unwrap()

@@ -1,11 +1,9 @@
 //! The adaptive loop: marking, kept coefficients, costs, errors, threads.
 
-mod common;
-
 use std::ops::ControlFlow;
 
+use crate::common::{Numbers, grid, image, random, tensor};
 use adaptive::{Iteration, Outcome, Solve, Stop, run};
-use common::{Numbers, grid, image, random, tensor};
 use fit_qi::{Error, LocalLambda, Options, QuasiInterpolation};
 use ndarray::{Array2, Axis, array};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};

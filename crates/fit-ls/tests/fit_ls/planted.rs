@@ -1,10 +1,8 @@
 //! Planted truths: points of known maps, whose coefficients must come back.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{Random, largest_difference, random_map, refined, scattered, solve_dense};
+use crate::common::{Random, largest_difference, random_map, refined, scattered, solve_dense};
 use fit_ls::{Lambda, LeastSquares, NormalEquations, Options, SortedPoints};
 use ndarray::{Array1, Array2};
 use proptest::prelude::*;

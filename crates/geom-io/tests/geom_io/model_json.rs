@@ -1,10 +1,8 @@
 //! The JSON format: nothing is lost, nothing damaged is taken for a model, nothing panics.
 
-mod model_common;
-
+use crate::model_common::{curve, random_map, random_space, ring, sheet};
 use geom_io::model::json::{parse_json, write_json};
 use geom_io::model::{Geometry, LengthUnit, Model, ModelErrorKind, WriteOptions, read_model, write_model};
-use model_common::{curve, random_map, random_space, ring, sheet};
 use proptest::prelude::*;
 use thb_core::{CellSpace, Kind, SplineMap};
 

@@ -1,8 +1,6 @@
 //! What the theory promises: reproduction, convergence, agreement with the global problem.
 
-mod common;
-
-use common::{grid, image, random, refined, tensor};
+use crate::common::{grid, image, random, refined, tensor};
 use fit_ls::{Lambda, LeastSquares};
 use fit_qi::{Error, LocalLambda, Options, QuasiInterpolation};
 use ndarray::Array2;

@@ -1,0 +1,14 @@
+//! Tests of what the crate offers, in one program: each of its own would be linked anew.
+
+mod corrupt;
+mod curve_files;
+mod errors;
+mod formats;
+mod model_common;
+mod model_gismo;
+mod model_json;
+mod model_peers;
+mod model_step;
+mod round_trip;
+mod scan_files;
+mod scanners;

@@ -1,0 +1,7 @@
+//! Tests of what the crate offers, in one program: each of its own would be linked anew.
+
+mod closed;
+mod foot_points;
+mod methods;
+mod quasi;
+mod square_map;
