@@ -355,8 +355,8 @@ pub(crate) struct CurveArgs {
     /// Elements that adaptive knots start from, between corners.
     #[arg(long, default_value_t = CurveOptions::default().elements, help_heading = "What is fitted")]
     mesh: usize,
-    /// Smoothing weight: auto (by error on held-out points, within the tolerance) or a number, for parameters scaled to
-    /// the unit interval.
+    /// Smoothing weight: a number, for parameters scaled to the unit interval, auto (by error on held-out points, within the
+    /// tolerance), gcv (generalized cross-validation) or discrepancy:SIGMA (noise of the points, a length or %).
     #[arg(long, default_value_t = CurveOptions::default().lambda, allow_hyphen_values = true, help_heading = "What is fitted")]
     lambda: LambdaChoice,
 

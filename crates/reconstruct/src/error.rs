@@ -79,6 +79,16 @@ pub enum Error {
         /// The parameter.
         value: f64,
     },
+    /// A parameter of a closed curve lies outside its period.
+    #[error(
+        "parameter {value} of point {index} lies outside [0, 1], the period of a closed curve; scale the parameters"
+    )]
+    OutsidePeriod {
+        /// Index of the point, from 0.
+        index: usize,
+        /// The parameter.
+        value: f64,
+    },
     /// The parameters of a direction are all equal.
     #[error("all parameters of direction {direction} are {value}: the points lie on a line of the parameter domain")]
     FlatDomain {

@@ -151,21 +151,13 @@ impl FitOptions {
         }
         range("--damping", self.damping.to_string(), "0 or more", self.damping >= 0.0 && self.damping.is_finite())?;
         self.tol.check()?;
-        match self.lambda {
-            LambdaChoice::Auto => {}
-            LambdaChoice::Fixed(lambda) => {
-                range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)?;
-            }
-            LambdaChoice::CrossValidation | LambdaChoice::Discrepancy(_) if !self.method.begins_fixed() => {
-                let option = "--lambda gcv and --lambda discrepancy:SIGMA";
-                return Err(Error::OtherMethod { option, method: self.method.to_string() });
-            }
-            LambdaChoice::CrossValidation => {}
-            LambdaChoice::Discrepancy(noise) => {
-                let (Tolerance::Absolute(size) | Tolerance::Percent(size)) = noise;
-                range("--lambda", self.lambda.to_string(), "a positive noise", size.is_finite() && size > 0.0)?;
-            }
+        if matches!(self.lambda, LambdaChoice::CrossValidation | LambdaChoice::Discrepancy(_))
+            && !self.method.begins_fixed()
+        {
+            let option = "--lambda gcv and --lambda discrepancy:SIGMA";
+            return Err(Error::OtherMethod { option, method: self.method.to_string() });
         }
+        self.lambda.check()?;
         if let Marking::Share(share) = self.mark.0 {
             range("--mark", share.to_string(), "a share above 0, at most 1", share > 0.0 && share <= 1.0)?;
         }
@@ -427,6 +419,19 @@ pub enum LambdaChoice {
 }
 
 impl LambdaChoice {
+    /// Checks the ranges of its numbers.
+    pub(crate) fn check(self) -> Result<(), Error> {
+        match self {
+            Self::Auto | Self::CrossValidation => Ok(()),
+            Self::Fixed(lambda) => {
+                range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)
+            }
+            Self::Discrepancy(Tolerance::Absolute(noise) | Tolerance::Percent(noise)) => {
+                range("--lambda", self.to_string(), "a positive noise", noise.is_finite() && noise > 0.0)
+            }
+        }
+    }
+
     /// The choice for a tolerance in the units of the input, and a diagonal.
     pub(crate) fn resolve(self, tolerance: f64, diagonal: f64) -> Lambda {
         match self {

@@ -119,9 +119,7 @@ impl CurveOptions {
         };
         range("--blend", self.blend.to_string(), "error, or a number from 0 to 1, for curves", blend)?;
         self.tol.check()?;
-        if let LambdaChoice::Fixed(lambda) = self.lambda {
-            range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)?;
-        }
+        self.lambda.check()?;
         if let Marking::Share(share) = self.mark.0 {
             range("--mark", share.to_string(), "a share above 0, at most 1", share > 0.0 && share <= 1.0)?;
         }

@@ -161,7 +161,7 @@ fn with_given(
     };
     let domain = if closed { (0.0, 1.0) } else { domain_of(parameters.view())? };
     if let Some((index, &value)) = parameters.iter().enumerate().find(|(_, u)| !(domain.0..=domain.1).contains(*u)) {
-        return Err(Error::OutsideUnitSquare { index, direction: 0, value });
+        return Err(Error::OutsidePeriod { index, value });
     }
     if closed && !corner_rows.is_empty() {
         return Err(Error::ClosedWithCorners);
