@@ -11,7 +11,6 @@ use point_cloud::{BoundingBox, loop_length};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
-use crate::options::BoundaryChoice;
 use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
@@ -28,12 +27,6 @@ const CROWDED: f64 = 0.7;
 
 /// Share of neighbouring samples between which the normal may turn by more than a right angle before the user is warned.
 const CREASED: f64 = 2e-3;
-
-/// The outline of the points is told to be ragged where a surface of more than so many control points has more than this share of its
-/// cells along it, and so many times as much as of its area.
-const FEW: usize = 100;
-const MANY: f64 = 0.2;
-const CROWDING: f64 = 4.0;
 
 /// Length of a hole's rim, as a share of the outline's, from which on both may be the ends of a tube.
 const LIKE: f64 = 0.5;
@@ -157,16 +150,6 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             100.0 * hsd / diagonal
         ));
     }
-    let (cells, area) = along_outline(map.space());
-    tracing::info!(cells, area, "along the outline");
-    if options.boundary == BoundaryChoice::Kept && dofs > FEW && cells > MANY && cells > CROWDING * area {
-        warnings.push(format!(
-            "{:.0} % of the cells lie along the outline, in {:.1} % of the domain: the surface follows a ragged rim; with --boundary free it \
-             need not, and may do with far fewer control points",
-            100.0 * cells,
-            100.0 * area
-        ));
-    }
     if creases > CREASED {
         warnings.push(format!(
             "the surface turns by more than a right angle between {:.2} % of its neighbouring samples: at sharp edges, or where it is \
@@ -225,21 +208,6 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     model.metadata.insert("source".into(), name.into());
     let reversed = laid_out.reversed != options.flip;
     Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed, stop })
-}
-
-/// Shares of the cells that touch the boundary of the domain: of their number and of their area.
-fn along_outline(space: &HierarchicalSpace<2>) -> (f64, f64) {
-    let ((lower, upper), periodic) = (space.domain(), space.periodic());
-    let (mut count, mut area) = (0_usize, 0.0);
-    for number in 0..space.n_cells() {
-        let cell = space.cell(number);
-        if (0..2).any(|d| !periodic[d] && (cell.lower[d] == lower[d] || cell.upper[d] == upper[d])) {
-            count += 1;
-            area += (cell.upper[0] - cell.lower[0]) * (cell.upper[1] - cell.lower[1]);
-        }
-    }
-    let whole = (upper[0] - lower[0]) * (upper[1] - lower[1]);
-    (count as f64 / space.n_cells() as f64, area / whole)
 }
 
 /// Whether a hole is about as long as the outline.

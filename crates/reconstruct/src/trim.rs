@@ -202,7 +202,7 @@ fn crosses(first: &[[f64; 2]], second: &[[f64; 2]]) -> bool {
         let mut near = tree.locate_in_envelope_intersecting(AABB::from_corners(p[0], p[1]));
         near.any(|other| {
             let q = piece(second, other.data);
-            !(same && are_neighbours(i, other.data)) && !apart(p, q) && !apart(q, p)
+            !(apart(p, q) || apart(q, p) || same && are_neighbours(i, other.data))
         })
     })
 }
