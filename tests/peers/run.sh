@@ -9,8 +9,9 @@ python=$(command -v "${1:-python3}")
 target=${CARGO_TARGET_DIR:-target}
 thb=$target/release/thb
 cargo build --release --quiet -p cli --bin thb
-# Writes models that are hard on a format: deep meshes, sides that are points, curves.
-cargo test --quiet -p geom-io --test geom_io model_peers
+# Writes models that are hard on a format: deep meshes, sides that are points, curves. With the features of the whole workspace, as
+# in its other tests: the packages are built once.
+cargo test --quiet --workspace --test geom_io model_peers
 models=$target/tmp/peers
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -11,6 +11,7 @@ use point_cloud::{BoundingBox, loop_length};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
+use crate::options::BoundaryChoice;
 use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
@@ -27,6 +28,12 @@ const CROWDED: f64 = 0.7;
 
 /// Share of neighbouring samples between which the normal may turn by more than a right angle before the user is warned.
 const CREASED: f64 = 2e-3;
+
+/// Width of the strip along the sides of the domain, as a share of it, and the share of the cells in it from which on the outline is
+/// told to be ragged: of even cells 8 % are there. Surfaces of few control points are not told.
+const RIM: f64 = 0.02;
+const MANY: f64 = 0.35;
+const FEW: usize = 100;
 
 /// Length of a hole's rim, as a share of the outline's, from which on both may be the ends of a tube.
 const LIKE: f64 = 0.5;
@@ -150,6 +157,15 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             100.0 * hsd / diagonal
         ));
     }
+    let at_rim = share_at_rim(map.space());
+    if options.boundary == BoundaryChoice::Kept && dofs > FEW && at_rim > MANY {
+        warnings.push(format!(
+            "{:.0} % of the cells lie within {:.0} % of the sides of the domain: the surface follows a ragged outline; try --boundary \
+             free, with which it need not",
+            100.0 * at_rim,
+            100.0 * RIM
+        ));
+    }
     if creases > CREASED {
         warnings.push(format!(
             "the surface turns by more than a right angle between {:.2} % of its neighbouring samples: at sharp edges, or where it is \
@@ -210,6 +226,19 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed, stop })
 }
 
+/// Share of the cells whose middle is within [`RIM`] of a side of the domain.
+fn share_at_rim(space: &HierarchicalSpace<2>) -> f64 {
+    let ((lower, upper), periodic) = (space.domain(), space.periodic());
+    let is_at_rim = |number: &usize| {
+        let cell = space.cell(*number);
+        (0..2).any(|d| {
+            let middle = 0.5 * (cell.lower[d] + cell.upper[d]);
+            !periodic[d] && (middle - lower[d]).min(upper[d] - middle) < RIM * (upper[d] - lower[d])
+        })
+    };
+    (0..space.n_cells()).filter(is_at_rim).count() as f64 / space.n_cells() as f64
+}
+
 /// Whether a hole is about as long as the outline.
 fn is_tube_like(laid_out: &Parameterized) -> bool {
     let rows: Vec<usize> = laid_out.boundary.iter().map(|&i| i as usize).collect();
@@ -235,4 +264,24 @@ fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[K
 /// Even knots over the unit interval.
 pub(crate) fn uniform_knots(degree: usize, elements: usize, closed: bool) -> Result<KnotVector, Error> {
     Ok(if closed { KnotVector::uniform_periodic(degree, elements)? } else { KnotVector::uniform(degree, elements)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use thb_core::Refinement;
+
+    #[test]
+    fn cells_along_a_ragged_outline_are_many() {
+        let knots = KnotVector::uniform(2, 32).unwrap();
+        let even = HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap();
+        // The outermost of 32 rows have their middles at 1/64.
+        assert_eq!(share_at_rim(&even), 124.0 / 1024.0);
+        let mut space = even;
+        for _ in 0..3 {
+            let rim: Vec<usize> = (0..space.n_cells()).filter(|&cell| space.cell(cell).lower[0] == 0.0).collect();
+            space = space.refine(&rim, &Refinement::default()).unwrap();
+        }
+        assert!(share_at_rim(&space) > MANY, "{}", share_at_rim(&space));
+    }
 }

@@ -65,9 +65,9 @@ pub struct FitOptions {
     pub units: LengthUnit,
     /// Turn the face normal.
     pub flip: bool,
-    /// Seed of all random choices.
+    /// Seed of random choices, for the report: no method draws random numbers yet.
     pub seed: u64,
-    /// Number of threads; 0 for one per core.
+    /// Number of threads of the program, 0 for one per core, for the report: the library works in the thread pool of its caller.
     pub threads: usize,
 }
 
