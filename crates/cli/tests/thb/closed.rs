@@ -219,3 +219,13 @@ fn what_cannot_close_is_told() {
     lab.fails("fit torus.csv --closed u --domain data -o t.step", 2, &["--closed"]);
     lab.fails("fit rings.csv --closed w -o t.step", 2, &["none, u, v or uv"]);
 }
+
+#[test]
+fn a_tube_that_is_fitted_as_a_sheet_is_told_to_be_one() {
+    let lab = Lab::with("tube.xyz", tube_cloud());
+    let run = lab.thb("fit tube.xyz --method ls --tol 2% -o t.json --report r.json");
+    assert!([0, 3].contains(&run.code), "{run:?}");
+    let report = lab.json("r.json");
+    let warnings: Vec<&str> = report["warnings"].as_array().unwrap().iter().map(|w| w.as_str().unwrap()).collect();
+    assert!(warnings.iter().any(|w| w.contains("leaves the points") && w.contains("--closed u")), "{warnings:?}");
+}

@@ -164,6 +164,13 @@ fn height_fields_are_cropped_and_masked() {
 }
 
 #[test]
+fn rows_far_apart_are_not_stray() {
+    let points = (0..360).map(|k| format!("{} {} 0\n", 0.1 * f64::from(k % 60), 10.0 * f64::from(k / 60)));
+    let lab = Lab::with("rows.xyz", points.collect::<String>());
+    lab.fails("param rows.xyz --clean stray", 1, &["60 of 360", "not stray"]);
+}
+
+#[test]
 fn rows_are_those_of_the_file_whatever_was_sorted_or_left_out() {
     let sorted = gridded();
     let mut lines: Vec<&str> = sorted.lines().skip(1).collect();

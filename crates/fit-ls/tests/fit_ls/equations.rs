@@ -122,8 +122,25 @@ fn too_few_points_are_rank_deficient_though_each_function_has_one() {
     let points = Array2::from_elem((40, 1), 1.0);
     let mut method = LeastSquares::new(parameters.view(), points.view(), None, fixed(0.0)).unwrap();
     match method.fit(&space) {
-        Err(Error::RankDeficient { without_data: 0, functions: 9, .. }) => {}
+        Err(error @ Error::RankDeficient { without_data: 0, functions: 9, .. }) => {
+            assert!(error.to_string().contains("each of 9 functions has points"), "{error}");
+        }
         other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_first_of_several_parameters_outside_is_named() {
+    let knots = KnotVector::uniform(2, 4).unwrap();
+    let space = std::sync::Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
+    let mut parameters = Array2::from_elem((40_000, 2), 0.5);
+    for row in [5, 9_000, 20_000, 39_999] {
+        parameters[[row, 1]] = 1.5;
+    }
+    for _ in 0..20 {
+        let found = LeastSquares::<2>::new(parameters.view(), Array2::zeros((40_000, 3)).view(), None, fixed(1e-6))
+            .and_then(|mut method| method.fit(&space));
+        assert!(matches!(found, Err(Error::Parameter { index: 5, .. })), "{:?}", found.err());
     }
 }
 
