@@ -243,7 +243,9 @@ fn share_at_rim(space: &HierarchicalSpace<2>) -> f64 {
 fn is_tube_like(laid_out: &Parameterized) -> bool {
     let rows: Vec<usize> = laid_out.boundary.iter().map(|&i| i as usize).collect();
     let outline = loop_length(laid_out.points.select(Axis(0), &rows).view());
-    laid_out.closed == [false; 2] && laid_out.report.holes.iter().any(|hole| hole.length > LIKE * outline)
+    outline > 0.0
+        && laid_out.closed == [false; 2]
+        && laid_out.report.holes.iter().any(|hole| hole.length > LIKE * outline)
 }
 
 fn level_zero_knots(parameters: &Array2<f64>, options: &FitOptions) -> Result<[KnotVector; 2], Error> {
