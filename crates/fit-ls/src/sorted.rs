@@ -298,7 +298,9 @@ impl<const D: usize> SortedPoints<D> {
             Ok(())
         };
         // Of several errors the first, whichever thread is faster.
-        tasks.into_par_iter().map(locate).collect::<Vec<_>>().into_iter().collect::<Result<(), Error>>()?;
+        if let Some(error) = tasks.into_par_iter().find_map_first(|task| locate(task).err()) {
+            return Err(error);
+        }
         self.arrange(&cell_of, space.n_cells());
         Ok(())
     }

@@ -32,15 +32,16 @@ impl<const D: usize> MortonOrder<D> {
         // The bits that the number of a root leaves.
         let depth = (roots.leading_zeros() as usize / D).min(MAX_LEVELS - 1);
         let mut order = Self { knots, depth, codes: Vec::new() };
-        let code = |at: usize| order.code_of_point(points.parameter(at));
-        let all = (0..points.len()).into_par_iter().with_min_len(CHUNK);
-        let places: Option<Vec<(u64, u32)>> = all.map(|at| Some((code(at).ok()?, at as u32))).collect();
-        let Some(mut places) = places else {
-            // Of several errors the first, whichever thread is faster.
-            let first = (0..points.len()).find_map(|at| Some((at, code(at).err()?)));
-            let (at, source) = first.ok_or(fit_ls::Error::NoPoints)?;
-            return Err(fit_ls::Error::Parameter { index: points.order()[at] as usize, source }.into());
+        let mut places: Vec<(u64, u32)> = (0..points.len() as u32).map(|at| (0, at)).collect();
+        let set_code = |(code, at): &mut (u64, u32)| {
+            *code = order.code_of_point(points.parameter(*at as usize)).map_err(|source| (*at, source))?;
+            Ok(())
         };
+        // Of several errors the first, whichever thread is faster.
+        let outside = places.par_iter_mut().with_min_len(CHUNK).find_map_first(|place| set_code(place).err());
+        if let Some((at, source)) = outside {
+            return Err(fit_ls::Error::Parameter { index: points.order()[at as usize] as usize, source }.into());
+        }
         // Places differ, so the order does not depend on how it is found.
         places.par_sort_unstable();
         let from: Vec<u32> = places.iter().map(|&(_, at)| at).collect();

@@ -4,7 +4,6 @@ use std::array;
 use std::path::Path;
 
 use geom_io::{Format, ReadOptions, Scan, read_scan};
-use ndarray::Axis;
 use point_cloud::{
     Neighbours, SubMesh, TriangleMesh, check_surface_cloud, find_outliers, find_stray_pieces, largest_piece, thin,
 };
@@ -19,16 +18,14 @@ use crate::{Error, Event, ParameterOptions, Watch};
 const OUTLIERS: (usize, f64) = (12, 5.0);
 /// Neighbours, and spacings over which they still belong to one piece.
 const PIECES: (usize, f64) = (24, 3.0);
-/// Share of the points up to which those off the largest piece are stray. Rows far apart are pieces too.
-pub(crate) const STRAY_MOST: f64 = 0.5;
+/// Share of the points up to which those off the largest piece of a cloud are stray. Rows far apart are pieces too.
+const STRAY_MOST: f64 = 0.5;
 /// Points up to which outliers and stray pieces are looked for unasked: it takes a second for each 4·10⁵ points.
 const LOOKED_AT: usize = 200_000;
 
 /// A scan without what was to be removed.
 pub(crate) struct Cleaned {
     pub(crate) scan: Scan,
-    /// Row in the file of each point.
-    pub(crate) rows: Vec<u32>,
     pub(crate) found: Found,
     /// Neighbours of the points as they are, once searched: enough for all that is looked for.
     neighbours: Option<Neighbours>,
@@ -40,14 +37,14 @@ pub(crate) struct Found {
     pub(crate) outliers: Option<usize>,
     pub(crate) stray: Option<usize>,
     pub(crate) pieces: Option<usize>,
+    /// Whether most points lie off the largest piece, so that they are not stray.
+    pub(crate) are_parts: bool,
 }
 
 /// Crops, masks, cleans and thins.
 pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Cleaned, Error> {
     let m = scan.cloud.points.nrows();
-    let mut scan = scan;
-    let rows = std::mem::take(&mut scan.rows);
-    let mut cleaned = Cleaned { scan, rows, found: Found::default(), neighbours: None };
+    let mut cleaned = Cleaned { scan, found: Found::default(), neighbours: None };
     if let Some(crop) = options.crop {
         let points = &cleaned.scan.cloud.points;
         let kept = (0..m).filter(|&i| crop.holds(points[[i, 0]], points[[i, 1]])).collect();
@@ -58,14 +55,14 @@ pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         let kept = unmasked(path, &cleaned.scan)?;
         cleaned.keep(kept, "--mask")?;
     }
-    if cleaned.rows.len() < m && (options.read.height_field || cleaned.scan.format == Format::EsriGrid) {
+    if cleaned.scan.rows.len() < m && (options.read.height_field || cleaned.scan.format == Format::EsriGrid) {
         // What is left of a height field is spread over the square again.
         cleaned.scan.cloud.parameters.iter_mut().for_each(|uv| spread_over_square(uv, options.closed.directions()));
     }
     let scattered = cleaned.scan.cloud.grid.is_none() && cleaned.scan.triangles.is_none();
     let unasked = scattered
         && cleaned.scan.cloud.parameters.is_none()
-        && cleaned.rows.len() <= LOOKED_AT
+        && cleaned.scan.rows.len() <= LOOKED_AT
         && is_laid_out_by_shape(options);
     let asked = |what| options.clean.contains(&what);
     if asked(Clean::Stray) || unasked {
@@ -92,29 +89,18 @@ fn is_laid_out_by_shape(options: &ParameterOptions) -> bool {
 impl Cleaned {
     /// Keeps points, which loses the order of a grid, and triangles of which all vertices stay.
     fn keep(&mut self, kept: Vec<usize>, option: &'static str) -> Result<(), Error> {
-        let given = self.rows.len();
+        let given = self.scan.rows.len();
         if kept.len() == given {
             return Ok(());
         }
         if kept.is_empty() {
             return Err(Error::NothingLeft { option, given });
         }
-        let Scan { cloud, triangles, on_boundary, weights, notes, .. } = &mut self.scan;
-        notes.push(format!("{option} left out {} of {given} points", given - kept.len()));
-        if let Some(triangles) = triangles {
-            let mut new = vec![u32::MAX; given];
-            kept.iter().enumerate().for_each(|(at, &old)| new[old] = at as u32);
-            *triangles =
-                triangles.iter().map(|t| t.map(|v| new[v as usize])).filter(|t| !t.contains(&u32::MAX)).collect();
+        self.scan.notes.push(format!("{option} left out {} of {given} points", given - kept.len()));
+        if self.scan.cloud.grid.is_some() && self.scan.cloud.parameters.is_none() {
+            self.scan.notes.push(format!("the grid order was lost by {option}"));
         }
-        cloud.points = cloud.points.select(Axis(0), &kept);
-        cloud.parameters = cloud.parameters.take().map(|parameters| parameters.select(Axis(0), &kept));
-        if cloud.grid.take().is_some() && cloud.parameters.is_none() {
-            notes.push(format!("the grid order was lost by {option}"));
-        }
-        *on_boundary = on_boundary.take().map(|labels| kept.iter().map(|&i| labels[i]).collect());
-        *weights = weights.take().map(|weights| kept.iter().map(|&i| weights[i]).collect());
-        self.rows = kept.iter().map(|&i| self.rows[i]).collect();
+        self.scan.select(&kept);
         self.neighbours = None;
         Ok(())
     }
@@ -131,23 +117,21 @@ impl Cleaned {
         if let Some(triangles) = &self.scan.triangles {
             let mesh = TriangleMesh { vertices: self.scan.cloud.points.clone(), triangles: triangles.clone() };
             let SubMesh { kept, .. } = largest_piece(&mesh)?;
-            self.found.stray = Some(self.rows.len() - kept.len());
-            return if remove { self.keep_piece(kept) } else { Ok(()) };
+            self.found.stray = Some(self.scan.rows.len() - kept.len());
+            return if remove { self.keep(kept, "--clean stray") } else { Ok(()) };
         }
         check_surface_cloud(self.scan.cloud.points.view(), 4)?;
         let pieces = find_stray_pieces(self.neighbours()?, PIECES.1)?;
-        let kept: Vec<usize> = (0..self.rows.len()).filter(|&i| pieces.piece_of[i] == 0).collect();
-        self.found.stray = Some(self.rows.len() - kept.len());
+        let kept: Vec<usize> = (0..self.scan.rows.len()).filter(|&i| pieces.piece_of[i] == 0).collect();
+        self.found.stray = Some(self.scan.rows.len() - kept.len());
         self.found.pieces = Some(pieces.sizes.len());
-        if remove { self.keep_piece(kept) } else { Ok(()) }
-    }
-
-    fn keep_piece(&mut self, kept: Vec<usize>) -> Result<(), Error> {
-        let given = self.rows.len();
-        if (given - kept.len()) as f64 > STRAY_MOST * given as f64 {
-            return Err(Error::NotStray { kept: kept.len(), given });
+        let given = self.scan.rows.len();
+        self.found.are_parts = (given - kept.len()) as f64 > STRAY_MOST * given as f64;
+        match (remove, self.found.are_parts) {
+            (false, _) => Ok(()),
+            (true, true) => Err(Error::NotStray { kept: kept.len(), given }),
+            (true, false) => self.keep(kept, "--clean stray"),
         }
-        self.keep(kept, "--clean stray")
     }
 
     fn outliers(&mut self, remove: bool) -> Result<(), Error> {

@@ -27,13 +27,13 @@ pub(crate) const SAMPLES: usize = 4;
 const CROWDED: f64 = 0.7;
 
 /// Share of neighbouring samples between which the normal may turn by more than a right angle before the user is warned.
-const CREASED: f64 = 2e-3;
+const MOST_CREASES: f64 = 2e-3;
 
 /// Width of the strip along the sides of the domain, as a share of it, and the share of the cells in it from which on the outline is
 /// told to be ragged: of even cells 8 % are there. Surfaces of few control points are not told.
 const RIM: f64 = 0.02;
-const MANY: f64 = 0.35;
-const FEW: usize = 100;
+const RIM_CELLS: f64 = 0.35;
+const RIM_DOFS: usize = 100;
 
 /// Length of a hole's rim, as a share of the outline's, from which on both may be the ends of a tube.
 const LIKE: f64 = 0.5;
@@ -158,7 +158,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         ));
     }
     let at_rim = share_at_rim(map.space());
-    if options.boundary == BoundaryChoice::Kept && dofs > FEW && at_rim > MANY {
+    if options.boundary == BoundaryChoice::Kept && dofs > RIM_DOFS && at_rim > RIM_CELLS {
         warnings.push(format!(
             "{:.0} % of the cells lie within {:.0} % of the sides of the domain: the surface follows a ragged outline; try --boundary \
              free, with which it need not",
@@ -166,7 +166,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             100.0 * RIM
         ));
     }
-    if creases > CREASED {
+    if creases > MOST_CREASES {
         warnings.push(format!(
             "the surface turns by more than a right angle between {:.2} % of its neighbouring samples: at sharp edges, or where it is \
              folded; look at it",
@@ -284,6 +284,6 @@ mod tests {
             let rim: Vec<usize> = (0..space.n_cells()).filter(|&cell| space.cell(cell).lower[0] == 0.0).collect();
             space = space.refine(&rim, &Refinement::default()).unwrap();
         }
-        assert!(share_at_rim(&space) > MANY, "{}", share_at_rim(&space));
+        assert!(share_at_rim(&space) > RIM_CELLS, "{}", share_at_rim(&space));
     }
 }

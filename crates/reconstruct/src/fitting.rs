@@ -97,7 +97,7 @@ pub(crate) struct Fitted {
     pub(crate) quasi: Vec<QuasiReport>,
     /// What came of weights that follow the errors.
     pub(crate) reweighting: Option<ReweightingReport>,
-    /// Whether each point counts for the errors; `None` if all do.
+    /// Whether each point counts for the errors, where weights followed them; `None` if all do.
     pub(crate) counted: Option<Vec<bool>>,
     /// Final parameters, `(m, 2)`.
     pub(crate) parameters: Array2<f64>,
@@ -151,9 +151,25 @@ pub(crate) struct Problem<'a> {
     pub(crate) diagonal: f64,
 }
 
-/// Fits adaptively from a space. Where the method is left to us, parameters move where that spares control points
-/// and does no harm.
+/// Fits adaptively from a space the points that count.
 pub(crate) fn fit(
+    problem: &Problem<'_>,
+    space: &Arc<HierarchicalSpace<2>>,
+    options: &FitOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Attempt, Error> {
+    match Heard::among(problem) {
+        // Weights that follow the errors have their own rule for what counts.
+        Some(heard) if !options.reweighting.is_asked_for() => {
+            let found = fit_all(&heard.problem(problem), space, options, watch)?;
+            Ok(Attempt { fitted: heard.spread(found.fitted, problem)?, ..found })
+        }
+        _ => fit_all(problem, space, options, watch),
+    }
+}
+
+/// Fits all points. Where the method is left to us, parameters move where that spares control points and does no harm.
+fn fit_all(
     problem: &Problem<'_>,
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
@@ -251,12 +267,15 @@ fn attempt(
     options: &FitOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Attempt, Error> {
-    let fitted = match Heard::among(problem) {
-        // Weights that follow the errors have their own rule for what counts.
-        Some(heard) if !options.reweighting.is_asked_for() => {
-            heard.spread(fit_by(method, joint, &heard.problem(problem), space, options, watch)?, problem)?
+    let rules = loop_options(options, problem.tolerance, problem.points.nrows());
+    let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
+    let fitted = match (method, moving_method(method, joint, problem, options)?) {
+        (Method::Qi | Method::AQi, _) => quasi::fit(method, problem, space, options, &rules, &mut observer)?,
+        (_, Some(moving)) => moving_parameters(moving, problem, space, options, &rules, &mut observer)?,
+        (_, None) if options.reweighting.is_asked_for() => {
+            reweighting::fit(problem, space, options, &rules, &mut observer)?
         }
-        _ => fit_by(method, joint, problem, space, options, watch)?,
+        (_, None) => fixed_parameters(problem, space, options, &rules, &mut observer)?,
     };
     let _ = watch(Event::Step("measuring the surface"));
     // The surface need not come near points that count for nothing.
@@ -270,27 +289,6 @@ fn attempt(
     let hsd = dhd.max(map_to_points(&fitted.map, points, SAMPLES)?);
     let creases = creases(&fitted.map, CREASE_SAMPLES)?;
     Ok(Attempt { method, fitted, dhd, hsd, creases })
-}
-
-/// Fits by one method, the joint one as given.
-fn fit_by(
-    method: Method,
-    joint: &JointOptions,
-    problem: &Problem<'_>,
-    space: &Arc<HierarchicalSpace<2>>,
-    options: &FitOptions,
-    watch: &mut Watch<'_>,
-) -> Result<Fitted, Error> {
-    let rules = loop_options(options, problem.tolerance, problem.points.nrows());
-    let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
-    match (method, moving_method(method, joint, problem, options)?) {
-        (Method::Qi | Method::AQi, _) => quasi::fit(method, problem, space, options, &rules, &mut observer),
-        (_, Some(moving)) => moving_parameters(moving, problem, space, options, &rules, &mut observer),
-        (_, None) if options.reweighting.is_asked_for() => {
-            reweighting::fit(problem, space, options, &rules, &mut observer)
-        }
-        (_, None) => fixed_parameters(problem, space, options, &rules, &mut observer),
-    }
 }
 
 /// The points that count where others have no confidence at all: those neither pull the surface nor ask for refinement.
@@ -340,13 +338,11 @@ impl Heard {
     /// A fit of these points as one of all: the others are where they were laid out.
     fn spread(&self, fitted: Fitted, whole: &Problem<'_>) -> Result<Fitted, Error> {
         let mut parameters = whole.parameters.to_owned();
-        let mut counted = vec![false; parameters.nrows()];
         for (&i, uv) in self.kept.iter().zip(fitted.parameters.rows()) {
             parameters.row_mut(i).assign(&uv);
-            counted[i] = true;
         }
         let errors = errors_at(&fitted.map, &parameters, whole.points)?;
-        Ok(Fitted { parameters, errors, counted: Some(counted), ..fitted })
+        Ok(Fitted { parameters, errors, ..fitted })
     }
 }
 

@@ -104,7 +104,9 @@ impl<const D: usize, S: CellSpace<D>> SplineMap<D, S> {
         };
         // Of several errors the first, whichever thread is faster.
         let blocks = out.par_chunks_mut(n * BLOCK).enumerate();
-        blocks.map(evaluate).collect::<Vec<_>>().into_iter().collect::<Result<(), Error>>()?;
+        if let Some(error) = blocks.find_map_first(|block| evaluate(block).err()) {
+            return Err(error);
+        }
         Array2::from_shape_vec((parameters.nrows(), n), out).map_err(|_| Error::Shape {
             what: "values",
             given: 0,

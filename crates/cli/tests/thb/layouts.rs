@@ -168,6 +168,12 @@ fn rows_far_apart_are_not_stray() {
     let points = (0..360).map(|k| format!("{} {} 0\n", 0.1 * f64::from(k % 60), 10.0 * f64::from(k / 60)));
     let lab = Lab::with("rows.xyz", points.collect::<String>());
     lab.fails("param rows.xyz --clean stray", 1, &["60 of 360", "not stray"]);
+    // A few points beside a patch are, however many of the others are kept.
+    let places = scattered(20, 500);
+    let beside = (0..40).map(|k| format!("{} 9 0\n", 9.0 + 0.01 * f64::from(k)));
+    lab.put("patch.xyz", rows(&places) + &beside.collect::<String>());
+    let report = lab.prints_json("param patch.xyz --thin 60");
+    assert!(report["warnings"].to_string().contains("--clean stray removes them"), "{report}");
 }
 
 #[test]

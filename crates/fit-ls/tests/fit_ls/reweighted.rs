@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use crate::common::Random;
+use crate::common::{Random, largest_difference};
 use adaptive::{Iteration, Outcome, run};
 use fit_ls::{
     Detection, Error, Lambda, LeastSquares, Loss, MarkerRules, Markers, Options, PointWeights, Reweighted, Reweighting,
@@ -68,9 +68,7 @@ fn l2_is_least_squares() {
     let rules = robust(Robust::plain(Loss::Power(2.0)));
     let mut fit = Reweighted::<2>::new(parameters.view(), points.view(), None, fixed(1e-6), &rules).unwrap();
     let map = fit.fit(&space, 10).unwrap();
-    assert!(
-        crate::common::largest_difference(&map.coefficients().to_owned(), &plain.coefficients().to_owned()) < 1e-10
-    );
+    assert!(largest_difference(&map.coefficients().to_owned(), &plain.coefficients().to_owned()) < 1e-10);
     assert_eq!(fit.report().unwrap().rounds, 1);
 }
 
@@ -156,7 +154,7 @@ fn a_weight_of_two_is_a_point_given_twice_and_one_of_zero_is_none() {
     let mut weighted = Reweighted::new(parameters.view(), points.view(), confidence, fixed(1e-6), &nothing).unwrap();
     let a = weighted.fit(&space, 1).unwrap();
     let b = LeastSquares::new(u.view(), p.view(), None, fixed(1e-6)).unwrap().fit(&space).unwrap();
-    assert!(crate::common::largest_difference(&a.coefficients().to_owned(), &b.coefficients().to_owned()) < 1e-9);
+    assert!(largest_difference(&a.coefficients().to_owned(), &b.coefficients().to_owned()) < 1e-9);
     let counted = weighted.weights().counted();
     assert!((0..400).all(|i| counted[i] == (i % 3 > 0)));
 }

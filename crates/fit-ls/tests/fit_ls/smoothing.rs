@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::common::Random;
+use crate::common::{Random, largest_difference};
 use fit_ls::{Error, Lambda, LeastSquares, Options};
 use ndarray::{Array1, Array2};
 use thb_core::{HierarchicalSpace, Kind, KnotVector};
@@ -124,6 +124,6 @@ fn points_without_weight_have_no_say() {
         let ratio = all.lambda().unwrap() / half.lambda().unwrap();
         // Probes differ, since points have other indices.
         assert!((ratio.log10()).abs() < 0.25, "{lambda:?}: {ratio}");
-        assert!(crate::common::largest_difference(&a.coefficients().to_owned(), &b.coefficients().to_owned()) < 0.02);
+        assert!(largest_difference(&a.coefficients().to_owned(), &b.coefficients().to_owned()) < 0.02);
     }
 }

@@ -222,11 +222,7 @@ fn to_grid(scan: &mut Scan, mut places: Vec<Place>) -> Result<(), ReadErrorKind>
 
     if !sorted {
         let order: Vec<_> = places.iter().map(|p| p.row).collect();
-        scan.cloud.points = scan.cloud.points.select(ndarray::Axis(0), &order);
-        scan.cloud.parameters = scan.cloud.parameters.take().map(|p| p.select(ndarray::Axis(0), &order));
-        scan.on_boundary = scan.on_boundary.take().map(|labels| order.iter().map(|&row| labels[row]).collect());
-        scan.weights = scan.weights.take().map(|weights| order.iter().map(|&row| weights[row]).collect());
-        scan.rows = order.iter().map(|&row| scan.rows[row]).collect();
+        scan.select(&order);
         scan.notes.push("rows were sorted by (i, j)".to_owned());
     }
     scan.cloud.grid = Some(GridShape { n_u, n_v });

@@ -20,7 +20,7 @@ mod xyz;
 
 use std::path::Path;
 
-use ndarray::Array2;
+use ndarray::{Array2, Axis};
 use point_cloud::PointCloud;
 use serde::Serialize;
 
@@ -68,6 +68,29 @@ pub struct Scan {
 }
 
 impl Scan {
+    /// Keeps the points at these places, in this order, with all that belongs to them, and the triangles of which all vertices are kept.
+    /// They are no grid any more.
+    ///
+    /// # Panics
+    /// If a place is beyond the points.
+    pub fn select(&mut self, places: &[usize]) {
+        fn chosen<T: Copy>(all: &[T], places: &[usize]) -> Vec<T> {
+            places.iter().map(|&at| all[at]).collect()
+        }
+        if let Some(triangles) = &mut self.triangles {
+            let mut new = vec![u32::MAX; self.rows.len()];
+            places.iter().enumerate().for_each(|(at, &old)| new[old] = at as u32);
+            *triangles =
+                triangles.iter().map(|t| t.map(|v| new[v as usize])).filter(|t| !t.contains(&u32::MAX)).collect();
+        }
+        self.cloud.points = self.cloud.points.select(Axis(0), places);
+        self.cloud.parameters = self.cloud.parameters.take().map(|parameters| parameters.select(Axis(0), places));
+        self.cloud.grid = None;
+        self.on_boundary = self.on_boundary.take().map(|labels| chosen(&labels, places));
+        self.weights = self.weights.take().map(|weights| chosen(&weights, places));
+        self.rows = chosen(&self.rows, places);
+    }
+
     fn new(format: Format, points: Array2<f64>) -> Self {
         let rows = (0..points.nrows() as u32).collect();
         Self {

@@ -1,5 +1,6 @@
 //! No bytes make a reader panic, hang or reserve memory without bound.
 
+use crate::scan_files;
 use geom_io::{Format, ReadOptions, parse_scan};
 use proptest::prelude::*;
 
@@ -44,11 +45,11 @@ fn samples() -> Vec<(Format, Vec<u8>)> {
         ply("binary_big_endian", &binary(f32::to_be_bytes, i32::to_be_bytes)),
         (Format::Obj, b"v 0 0 0\nv 1 0 0\nvt 0 1\nv 0 1 0\nf 1/1 2/1 3/1\nf -3 -2 -1\n".to_vec()),
         (Format::Off, b"COFF\n# c\n3 1 3\n0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n".to_vec()),
-        (Format::Stl, crate::scan_files::STL_TEXT.into()),
-        (Format::Stl, crate::scan_files::stl(b"title")),
-        (Format::Pcd, crate::scan_files::pcd_text()),
-        (Format::Pcd, crate::scan_files::pcd_binary()),
-        (Format::Pcd, crate::scan_files::pcd_compressed()),
+        (Format::Stl, scan_files::STL_TEXT.into()),
+        (Format::Stl, scan_files::stl(b"title")),
+        (Format::Pcd, scan_files::pcd_text()),
+        (Format::Pcd, scan_files::pcd_binary()),
+        (Format::Pcd, scan_files::pcd_compressed()),
         (Format::Xyz, b"3\n# c\n0 0 0\n1,\t0 0 // c\n0 1 0\n".to_vec()),
         (Format::Xyz, b"x; y; z\n0;0;0\n1;0;0;\n0;1;0\n".to_vec()),
         (Format::Csv, b"i,j,u,v,x,y,z,n\n1,1,0,0,0,0,1,a\n1,2,0,1,0,1,1,\n2,2,1,1,1,1,1,b\n2,1,1,0,1,0,1,c\n".to_vec()),
@@ -80,11 +81,11 @@ fn cut_after_any_byte() {
 #[test]
 fn decoders_of_other_crates() {
     let samples = [
-        (Format::Las, crate::scan_files::las(0, false)),
-        (Format::Las, crate::scan_files::las(6, false)),
-        (Format::Las, crate::scan_files::las(1, true)),
-        (Format::E57, crate::scan_files::e57()),
-        (Format::Xyz, crate::scan_files::gzip("0 0 0\n1 2 3\n")),
+        (Format::Las, scan_files::las(0, false)),
+        (Format::Las, scan_files::las(6, false)),
+        (Format::Las, scan_files::las(1, true)),
+        (Format::E57, scan_files::e57()),
+        (Format::Xyz, scan_files::gzip("0 0 0\n1 2 3\n")),
     ];
     for (format, bytes) in samples {
         // Every byte of headers and small files, some of a long one.

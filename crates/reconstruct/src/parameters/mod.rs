@@ -10,8 +10,8 @@ mod network;
 mod quality;
 mod tube;
 
-use std::array;
 use std::time::Instant;
+use std::{array, mem};
 
 use geom_io::{Format, Scan, read_scan};
 use ndarray::{Array1, Array2, ArrayView1, Axis};
@@ -111,13 +111,13 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     }
     check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let read = scan.cloud.points.nrows();
-    let Cleaned { scan, rows, found, .. } = clean(scan, options, watch)?;
+    let Cleaned { mut scan, found, .. } = clean(scan, options, watch)?;
     check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let mut warnings = scan.notes.clone();
-    warnings.extend(found.warnings(&options.clean, rows.len()));
+    warnings.extend(found.warnings(&options.clean));
 
     let _ = watch(Event::Step("laying out"));
-    let confidence = scan.weights.clone();
+    let (rows, confidence) = (mem::take(&mut scan.rows), scan.weights.take());
     let layout = lay_out(scan, &rows, options, watch).map_err(|error| error.of_rows(&rows))?;
     warnings.extend(layout.warnings.iter().cloned());
     let _ = watch(Event::Step("measuring the parameters"));

@@ -7,7 +7,6 @@ use serde::Serialize;
 use super::{Layout, NetworkReport, spread_over_square};
 use crate::Error;
 use crate::clean::Found;
-use crate::clean::STRAY_MOST;
 use crate::parameter_options::{Clean, Closed, Domain};
 
 /// Points that voids and distances are measured on, evenly taken from all. Their triangulation takes a tenth of a second.
@@ -170,11 +169,11 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
 
 impl Found {
     /// What was found but not removed.
-    pub(super) fn warnings(&self, removed: &[Clean], points: usize) -> Vec<String> {
+    pub(super) fn warnings(&self, removed: &[Clean]) -> Vec<String> {
         let mut warnings = Vec::new();
         match self.stray {
             Some(stray) if stray > 0 && !removed.contains(&Clean::Stray) => {
-                let advice = match stray as f64 > STRAY_MOST * points as f64 {
+                let advice = match self.are_parts {
                     true => "they are not stray, but rows far apart or several parts",
                     false => "--clean stray removes them",
                 };
