@@ -6,7 +6,7 @@ use point_cloud::{CloudError, check_finite};
 use rayon::prelude::*;
 
 use crate::ParamError;
-use crate::nearest_triangle::{Foot, TriangleTree, barycentric_in_plane};
+use point_cloud::{Foot, TriangleTree, barycentric_in_plane};
 
 /// Parameters of points near a mapped mesh.
 #[derive(Clone, Debug, PartialEq)]

@@ -22,7 +22,6 @@ mod grid;
 mod injective;
 mod local_star;
 mod mesh_map;
-mod nearest_triangle;
 mod quality;
 mod radius_graph;
 mod sequence;

@@ -35,6 +35,7 @@ mod sampling;
 mod search;
 mod star;
 mod thin;
+mod triangle_tree;
 mod tube;
 pub mod vec3;
 
@@ -57,4 +58,5 @@ pub use quadric::{PrincipalAxes, principal_axes};
 pub use repair::{LargestDisk, largest_disk};
 pub use search::{CloudTree, Neighbour};
 pub use thin::{Thinned, spread_subset, thin};
+pub use triangle_tree::{Foot, TriangleTree, barycentric_in_plane};
 pub use tube::TubeEnds;

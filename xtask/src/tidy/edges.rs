@@ -3,15 +3,16 @@
 use cargo_metadata::Metadata;
 
 /// Each crate with the crates that may use it.
-const USED_BY: [(&str, &[&str]); 11] = [
-    ("thb-core", &["adaptive", "fit-ls", "fit-qi", "moving-param", "geom-io", "reconstruct"]),
+const USED_BY: [(&str, &[&str]); 12] = [
+    ("thb-core", &["adaptive", "fit-ls", "fit-qi", "moving-param", "deviation", "geom-io", "reconstruct"]),
     ("adaptive", &["fit-ls", "fit-qi", "moving-param", "reconstruct"]),
     ("fit-ls", &["fit-qi", "moving-param", "reconstruct"]),
     ("fit-qi", &["moving-param", "reconstruct"]),
     ("moving-param", &["reconstruct"]),
-    ("point-cloud", &["param-classic", "param-nn", "geom-io", "reconstruct"]),
+    ("point-cloud", &["param-classic", "param-nn", "deviation", "geom-io", "reconstruct"]),
     ("param-classic", &["param-nn", "reconstruct"]),
     ("param-nn", &["reconstruct"]),
+    ("deviation", &["reconstruct"]),
     ("geom-io", &["reconstruct"]),
     ("reconstruct", &["cli"]),
     ("cli", &[]),

@@ -1,23 +1,23 @@
 //! The nearest point of a triangle mesh.
 
-use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
+use crate::vec3::{add, cross, dot, norm, scale, sub};
 
 /// The nearest point of a mesh to a given one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Foot {
+pub struct Foot {
     /// Index of the triangle; of equally near ones, which one is fixed by the tree.
-    pub(crate) triangle: u32,
+    pub triangle: u32,
     /// Barycentric coordinates of the foot: not negative, sum 1.
-    pub(crate) barycentric: [f64; 3],
+    pub barycentric: [f64; 3],
     /// Square of the distance.
-    pub(crate) squared_distance: f64,
+    pub squared_distance: f64,
 }
 
 /// Most triangles of a leaf; a test of a triangle costs as much as two or three of a box.
 const LEAF: usize = 4;
 
 /// Boxes round triangles, halved at the median of their centres, for nearest-point queries.
-pub(crate) struct TriangleTree {
+pub struct TriangleTree {
     nodes: Vec<Node>,
     /// Corners of the triangles, leaf after leaf, and their indices.
     corners: Vec<[[f64; 3]; 3]>,
@@ -36,7 +36,7 @@ struct Node {
 
 impl TriangleTree {
     /// Indexes triangles, one at least, given by their corners. O(n log n).
-    pub(crate) fn new(corners: &[[[f64; 3]; 3]]) -> Self {
+    pub fn new(corners: &[[[f64; 3]; 3]]) -> Self {
         let mut order: Vec<u32> = (0..corners.len() as u32).collect();
         let mut nodes = Vec::with_capacity(corners.len());
         split(corners, &mut order, 0, &mut nodes);
@@ -44,7 +44,7 @@ impl TriangleTree {
     }
 
     /// The point of the mesh nearest to `point`.
-    pub(crate) fn nearest(&self, point: [f64; 3]) -> Foot {
+    pub fn nearest(&self, point: [f64; 3]) -> Foot {
         let mut best = Foot { triangle: 0, barycentric: [1.0, 0.0, 0.0], squared_distance: f64::INFINITY };
         // Depth first, the nearer child first. The depth is at most 32: each level halves the number of triangles.
         let mut stack = [(0u32, 0.0f64); 40];
@@ -176,7 +176,7 @@ fn foot_on_sides(x: [f64; 3], corners: [[f64; 3]; 3]) -> ([f64; 3], f64) {
 }
 
 /// Barycentric coordinates of the foot of `x` on the plane of a triangle, wherever it lies; `None` without area.
-pub(crate) fn barycentric_in_plane(x: [f64; 3], [p, q, r]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
+pub fn barycentric_in_plane(x: [f64; 3], [p, q, r]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
     let (e, f, d) = (sub(q, p), sub(r, p), sub(x, p));
     let normal = cross(e, f);
     let length = norm(normal);

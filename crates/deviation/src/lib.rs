@@ -1,0 +1,9 @@
+//! How good a surface or a curve is, whoever made it: distances both ways by area, coverage, folds, crossings, and one
+//! verdict.
+//!
+//! Everything is measured on a [`Tessellation`] of the surface with a known chord error. This crate knows surfaces, curves,
+//! points and triangles; it does not know how they were fitted.
+
+mod tessellation;
+
+pub use tessellation::Tessellation;
