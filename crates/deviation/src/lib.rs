@@ -1,9 +1,25 @@
 //! How good a surface or a curve is, whoever made it: distances both ways by area, coverage, folds, crossings, and one
 //! verdict.
 //!
-//! Everything is measured on a [`Tessellation`] of the surface with a known chord error. This crate knows surfaces, curves,
-//! points and triangles; it does not know how they were fitted.
+//! A [`Scan`] is prepared once; [`measure`] compares a surface with it; [`Thresholds`] make a [`Verdict`] of the measures. Surfaces
+//! are measured on a [`Tessellation`] with a known chord error. This crate knows surfaces, curves, points and triangles; it does not
+//! know how they were fitted.
 
+mod curved;
+mod distances;
+mod error;
+mod gathered;
+mod measure;
+mod scan;
+mod search;
 mod tessellation;
+mod verdict;
 
+pub use curved::{CREASE_DEGREES, CurvedTriangles};
+pub use distances::Distances;
+pub use error::Error;
+pub use gathered::{Gathered, Patch};
+pub use measure::{Deviation, Measured, Miss, ScanSide, measure, tessellate};
+pub use scan::Scan;
 pub use tessellation::Tessellation;
+pub use verdict::{Reason, Thresholds, Verdict, verdict};

@@ -84,7 +84,13 @@ impl<'a, const N: usize> CloudTree<'a, N> {
 
     /// Distance of a place to the nearest point.
     pub fn distance(&self, place: [f64; N]) -> f64 {
-        self.tree.query(&place).nearest_one::<SquaredEuclidean<f64>>().execute().distance.sqrt()
+        self.nearest_to(place).0
+    }
+
+    /// The point nearest to a place.
+    pub fn nearest_to(&self, place: [f64; N]) -> Neighbour {
+        let found = self.tree.query(&place).nearest_one::<SquaredEuclidean<f64>>().execute();
+        (found.distance.sqrt(), found.item)
     }
 
     /// Calls `visit` with every point at a distance of at most `radius` from point `i`, itself included, in no order.

@@ -76,6 +76,27 @@ impl TriangleTree {
     }
 }
 
+impl TriangleTree {
+    /// Calls `visit` with the index of each triangle at a distance of at most `radius` from `point`, in the order of the tree.
+    pub fn for_each_within(&self, point: [f64; 3], radius: f64, mut visit: impl FnMut(u32)) {
+        let most = radius * radius;
+        let mut stack = vec![0u32];
+        while let Some(at) = stack.pop() {
+            let node = &self.nodes[at as usize];
+            if node.squared_distance(point) > most {
+                continue;
+            }
+            if node.second != 0 {
+                stack.extend([node.second, at + 1]);
+                continue;
+            }
+            (node.begin as usize..node.end as usize)
+                .filter(|&k| foot_on_triangle(point, &self.corners[k]).1 <= most)
+                .for_each(|k| visit(self.triangles[k]));
+        }
+    }
+}
+
 impl Node {
     fn squared_distance(&self, p: [f64; 3]) -> f64 {
         (0..3).map(|k| (self.lower[k] - p[k]).max(p[k] - self.upper[k]).max(0.0).powi(2)).sum()
@@ -231,6 +252,11 @@ mod tests {
             let foot = TriangleTree::new(&corners).nearest(x);
             prop_assert_eq!(foot.squared_distance, nearest);
             prop_assert_eq!(foot_on_triangle(x, &corners[foot.triangle as usize]), (foot.barycentric, nearest));
+            let (radius, mut within) = (nearest.sqrt() + 0.5, Vec::new());
+            TriangleTree::new(&corners).for_each_within(x, radius, |t| within.push(t as usize));
+            within.sort_unstable();
+            let near = |&t: &usize| foot_on_triangle(x, &corners[t]).1 <= radius * radius;
+            prop_assert_eq!(within, (0..corners.len()).filter(near).collect::<Vec<_>>());
         }
     }
 

@@ -89,9 +89,7 @@ impl<const D: usize> ClosestPoints<D> {
     /// The closest point to `query`, given a parameter near it and its cell: cells that cannot hold a nearer point than
     /// the one reached from there are not visited.
     pub fn closest_from(&self, query: &[f64], cell: usize, u: [f64; D]) -> ClosestPoint<D> {
-        let (lower, upper) = self.map.cell_box(cell);
-        let start = std::array::from_fn(|d| ((u[d] - lower[d]) / (upper[d] - lower[d])).clamp(0.0, 1.0));
-        self.search(query, self.descend(query, cell, start, [(0.0, 1.0); D]))
+        self.search(query, descend(&self.map, query, cell, u, STEP_TOLERANCE))
     }
 
     fn search(&self, query: &[f64], mut best: ClosestPoint<D>) -> ClosestPoint<D> {
@@ -101,40 +99,63 @@ impl<const D: usize> ClosestPoints<D> {
             }
             let Piece { cell, middle, half_edge } = near.data;
             let range = std::array::from_fn(|d| (middle[d] - half_edge[d], middle[d] + half_edge[d]));
-            let found = self.descend(query, cell, middle, range);
+            let found = descend_within(&self.map, query, cell, middle, range, STEP_TOLERANCE);
             if found.distance < best.distance {
                 best = found;
             }
         }
         best
     }
+}
 
-    /// Newton's method for half the squared distance on one cell, in local coordinates, within a range per direction.
-    fn descend(&self, query: &[f64], cell: usize, start: [f64; D], range: [(f64, f64); D]) -> ClosestPoint<D> {
-        let (lower, upper) = self.map.cell_box(cell);
-        let global = |t: [f64; D]| -> [f64; D] {
-            std::array::from_fn(|d| if t[d] == 1.0 { upper[d] } else { lower[d] + t[d] * (upper[d] - lower[d]) })
-        };
-        let mut t = start;
-        let mut local = Local::at(&self.map, cell, global(t), query);
-        let mut damping = 0.0;
-        for _ in 0..MAX_STEPS {
-            let Some(step) = local.step(t, range, damping) else { break };
-            let candidate: [f64; D] = std::array::from_fn(|d| (t[d] + step[d]).clamp(range[d].0, range[d].1));
-            let moved = (0..D).map(|d| (candidate[d] - t[d]).abs()).fold(0.0, f64::max);
-            if moved < STEP_TOLERANCE {
-                break;
-            }
-            let next = Local::at(&self.map, cell, global(candidate), query);
-            if next.half_squared < local.half_squared {
-                (t, local) = (candidate, next);
-                damping *= 0.1;
-            } else {
-                damping = if damping == 0.0 { local.curvature_scale() } else { damping * 10.0 };
-            }
+/// The nearest point to `query` that Newton's method finds in a cell from the parameter `u`, in decreasing distance only: a
+/// local minimum, or a point of the cell's border. It ends with a step shorter than `step_tolerance`, a share of the cell: the
+/// distance then changes by its square only.
+pub fn descend<const D: usize>(
+    map: &BezierMap<D>,
+    query: &[f64],
+    cell: usize,
+    u: [f64; D],
+    step_tolerance: f64,
+) -> ClosestPoint<D> {
+    let (lower, upper) = map.cell_box(cell);
+    let start = std::array::from_fn(|d| ((u[d] - lower[d]) / (upper[d] - lower[d])).clamp(0.0, 1.0));
+    descend_within(map, query, cell, start, [(0.0, 1.0); D], step_tolerance)
+}
+
+/// Newton's method for half the squared distance on one cell, in local coordinates, within a range per
+/// direction, until a step is shorter than `step_tolerance`.
+fn descend_within<const D: usize>(
+    map: &BezierMap<D>,
+    query: &[f64],
+    cell: usize,
+    start: [f64; D],
+    range: [(f64, f64); D],
+    step_tolerance: f64,
+) -> ClosestPoint<D> {
+    let (lower, upper) = map.cell_box(cell);
+    let global = |t: [f64; D]| -> [f64; D] {
+        std::array::from_fn(|d| if t[d] == 1.0 { upper[d] } else { lower[d] + t[d] * (upper[d] - lower[d]) })
+    };
+    let mut t = start;
+    let mut local = Local::at(map, cell, global(t), query);
+    let mut damping = 0.0;
+    for _ in 0..MAX_STEPS {
+        let Some(step) = local.step(t, range, damping) else { break };
+        let candidate: [f64; D] = std::array::from_fn(|d| (t[d] + step[d]).clamp(range[d].0, range[d].1));
+        let moved = (0..D).map(|d| (candidate[d] - t[d]).abs()).fold(0.0, f64::max);
+        if moved < step_tolerance {
+            break;
         }
-        ClosestPoint { u: global(t), cell, distance: (2.0 * local.half_squared).sqrt() }
+        let next = Local::at(map, cell, global(candidate), query);
+        if next.half_squared < local.half_squared {
+            (t, local) = (candidate, next);
+            damping *= 0.1;
+        } else {
+            damping = if damping == 0.0 { local.curvature_scale() } else { damping * 10.0 };
+        }
     }
+    ClosestPoint { u: global(t), cell, distance: (2.0 * local.half_squared).sqrt() }
 }
 
 /// Half the squared distance at a parameter, with gradient and Hessian in local coordinates of the cell.

@@ -45,7 +45,7 @@ mod tensor;
 mod transfer;
 
 pub use box_spline::BoxSplineSpace;
-pub use closest::{ClosestPoint, ClosestPoints};
+pub use closest::{ClosestPoint, ClosestPoints, descend};
 pub use energy::{Quadrature, ThinPlate};
 pub use error::Error;
 pub use hierarchical::{HierarchicalSpace, Kind};

@@ -1,0 +1,466 @@
+//! A surface against a scan.
+
+use ndarray::ArrayView2;
+use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
+use rayon::prelude::*;
+use serde::Serialize;
+use thb_core::SplineMap;
+
+use crate::gathered::Node;
+use crate::scan::{Cloud, Kind, Mesh, diagonal, for_each_part};
+use crate::search::{Foot, SurfaceSearch};
+use crate::{Distances, Error, Gathered, Scan, Tessellation, Thresholds};
+
+/// Widening of the band between facet and curved triangle: the curved one is no exact surface either.
+///
+/// Derived: the definition of what counts (docs, "What counts").
+const BAND_WIDTH: f64 = 1.15;
+
+/// Width of the band in tolerances, at most.
+///
+/// Derived: the definition of what counts (docs, "What counts").
+const WIDEST_BAND: f64 = 2.0;
+
+/// A sagitta of a smaller share of the tolerance is none: one search instead of two.
+///
+/// Limit: shares change by less than the accuracy that is promised for them.
+const NEGLIGIBLE_SAGITTA: f64 = 0.02;
+
+/// A place is between facet and curved triangle where its distances to both add up to theirs, up to this share.
+///
+/// Derived: the definition of what counts (docs, "What counts").
+const BETWEEN: f64 = 0.1;
+
+/// Chord error of the triangles that a surface is measured on, in tolerances. Distances of the scan to the surface are exact all the
+/// same: the triangles are only where Newton's method begins.
+///
+/// Derived: a twentieth of the tolerance changes a share of the area by a few 10⁻³ at most.
+const CHORD: f64 = 0.05;
+
+/// Chord error in diagonals of the surface's box that is asked at least, however small the tolerance.
+///
+/// Limit: the number of triangles.
+const FINEST_CHORD: f64 = 2e-6;
+
+/// Vertices of the triangles that a surface is measured on, at most.
+///
+/// Limit: time and memory.
+const MAX_VERTICES: usize = 400_000;
+
+/// Reach of the middle of a triangle's part, in edges of an equilateral triangle of its area: parts that touch have middles within the
+/// sum of their reaches.
+///
+/// Derived: the definition of gathered misses (docs, "What counts").
+const REACH: f64 = 0.8;
+
+/// Edge of an equilateral triangle of area 1.
+const EDGE_OF_AREA: f64 = 1.519_671_371_303_185;
+
+/// Reach of a point of a cloud in spacings, half of the distance up to which points are joined.
+///
+/// Derived: the definition of gathered misses (docs, "What counts").
+const REACH_OF_POINT: f64 = 1.5;
+
+/// Parts of the surface's area that are measured at least.
+///
+/// Derived: shares then change by less than 0.003 (two standard deviations of 10⁴ independent samples are 0.01 at worst, those of a
+/// grid far less).
+const SURFACE_PARTS: f64 = 1e4;
+
+/// Distance beyond the nearest facet, in tolerances, up to which facets are asked for their normals before the surface counts as
+/// folded.
+///
+/// Derived: at a sharp edge the surface may cut the corner by the tolerance, and the nearest facet then is the other face's.
+const ASKED_AROUND: f64 = 1.0;
+
+/// How well a surface lies on a scan. Lengths are in the units of the scan.
+#[derive(Clone, Debug, Serialize)]
+pub struct Deviation {
+    /// What the scan consists of: `mesh` or `cloud`.
+    pub scan: &'static str,
+    /// The tolerance of all shares.
+    pub tolerance: f64,
+    /// From the scan to the surface: its area, each triangle known up to its sagitta; of a cloud its points, weighed by the square of
+    /// their spacing, and beyond the rim of the surface only across it.
+    pub scan_to_surface: Distances,
+    /// From the surface's area inside the scan's outline and not over its holes to the scan, each triangle known up to its sagitta; from
+    /// all of its area to the points of a cloud, less their spacing there.
+    pub surface_to_scan: Distances,
+    /// As `scan_to_surface` for the flat facets of a mesh; `null` for a cloud.
+    pub facets_to_surface: Option<Distances>,
+    /// As `surface_to_scan` for the flat facets of a mesh; `null` for a cloud.
+    pub surface_to_facets: Option<Distances>,
+    /// Height of the curved triangles over the facets, 95th percentile by area; `null` for a cloud.
+    pub sagitta_p95: Option<f64>,
+    /// Mean signed distance of the scan, positive on the side of the scan's normals; `null` for a cloud.
+    pub signed_mean: Option<f64>,
+    /// Angle in degrees between normals of the scan and of the surface; `null` for a cloud.
+    pub normal_angles: Option<Distances>,
+    /// Patches of the scan beyond the tolerance.
+    pub gathered: Gathered,
+    /// Share of the scan that lies beyond the rim of the surface by more than the tolerance and the spacing there.
+    pub beyond_rim: f64,
+    /// Share of the surface's area beyond the outline of the scan or over its holes.
+    pub beyond_outline: f64,
+    /// Diagonal of the surface's box, in diagonals of the scan's.
+    pub box_ratio: f64,
+    /// Area of the surface.
+    pub area: f64,
+    /// Share of the surface's area whose normal is more than a right angle from those of the scan around it; `null` for a cloud
+    /// without triangles.
+    pub folded: Option<f64>,
+}
+
+/// A place of the scan beyond the tolerance, and where the surface is nearest to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Miss {
+    /// The place on the scan.
+    pub place: [f64; 3],
+    /// Its distance to the surface.
+    pub distance: f64,
+    /// The cell that the nearest point of the surface lies in.
+    pub cell: usize,
+    /// The parameter of that point.
+    pub parameter: [f64; 2],
+}
+
+/// The scan against a surface: one direction of a [`Deviation`].
+#[derive(Clone, Debug)]
+pub struct ScanSide {
+    /// Distances with the band of the sagitta.
+    pub distances: Distances,
+    /// Distances of flat facets.
+    pub facets: Option<Distances>,
+    /// Mean signed distance.
+    pub signed_mean: Option<f64>,
+    /// Angles between normals.
+    pub normal_angles: Option<Distances>,
+    /// Patches beyond the tolerance.
+    pub gathered: Gathered,
+    /// Share beyond the rim of the surface.
+    pub beyond_rim: f64,
+    /// All places beyond the tolerance.
+    pub misses: Vec<Miss>,
+}
+
+/// A surface that is being measured: its triangles, and searches among them.
+pub struct Measured<'a> {
+    map: &'a SplineMap<2>,
+    tessellation: &'a Tessellation,
+    search: SurfaceSearch<'a>,
+}
+
+/// The triangles that a surface is measured on at a tolerance.
+///
+/// # Errors
+/// [`Error`]; the surface has to lie in space.
+pub fn tessellate(map: &SplineMap<2>, tolerance: f64) -> Result<Tessellation, Error> {
+    let rows: Vec<[f64; 3]> = map.coefficients().outer_iter().map(|row| std::array::from_fn(|k| row[k])).collect();
+    let chord = (CHORD * tolerance).max(FINEST_CHORD * diagonal(&rows));
+    Tessellation::new(map, chord, MAX_VERTICES)
+}
+
+/// Measures a surface against a scan. `parameters`, one row for each point of the scan, are where searches begin; without them the whole
+/// surface is searched for every place. `triangles` over the points of a cloud tell folds.
+///
+/// # Errors
+/// [`Error`].
+pub fn measure(
+    map: &SplineMap<2>,
+    scan: &Scan<'_>,
+    parameters: Option<ArrayView2<'_, f64>>,
+    tolerance: f64,
+    thresholds: &Thresholds,
+) -> Result<Deviation, Error> {
+    let tessellation = tessellate(map, tolerance)?;
+    Ok(Measured::new(map, &tessellation)?.against(scan, parameters, tolerance, thresholds))
+}
+
+impl<'a> Measured<'a> {
+    /// Prepares a surface and its triangles.
+    ///
+    /// # Errors
+    /// [`Error::NoTriangles`].
+    pub fn new(map: &'a SplineMap<2>, tessellation: &'a Tessellation) -> Result<Self, Error> {
+        Ok(Self { map, tessellation, search: SurfaceSearch::new(map, tessellation)? })
+    }
+
+    /// All measures.
+    pub fn against(
+        &self,
+        scan: &Scan<'_>,
+        parameters: Option<ArrayView2<'_, f64>>,
+        tolerance: f64,
+        thresholds: &Thresholds,
+    ) -> Deviation {
+        let from_scan = self.scan_side(scan, parameters, tolerance, thresholds);
+        let from_surface = match &scan.kind {
+            Kind::Mesh(mesh) => self.to_mesh(mesh, tolerance),
+            Kind::Cloud(cloud) => self.to_cloud(cloud, tolerance),
+        };
+        Deviation {
+            scan: if scan.is_mesh() { "mesh" } else { "cloud" },
+            tolerance,
+            scan_to_surface: from_scan.distances,
+            surface_to_scan: from_surface.distances,
+            facets_to_surface: from_scan.facets,
+            surface_to_facets: from_surface.facets,
+            sagitta_p95: scan.sagitta_p95(),
+            signed_mean: from_scan.signed_mean,
+            normal_angles: from_scan.normal_angles,
+            gathered: from_scan.gathered,
+            beyond_rim: from_scan.beyond_rim,
+            beyond_outline: from_surface.beyond_outline,
+            box_ratio: diagonal(&self.tessellation.vertices) / scan.diagonal(),
+            area: from_surface.area,
+            folded: from_surface.folded,
+        }
+    }
+
+    /// The measures from the scan to the surface alone.
+    pub fn scan_side(
+        &self,
+        scan: &Scan<'_>,
+        parameters: Option<ArrayView2<'_, f64>>,
+        tolerance: f64,
+        thresholds: &Thresholds,
+    ) -> ScanSide {
+        let parameter = |i: u32| parameters.map(|p| [p[[i as usize, 0]], p[[i as usize, 1]]]);
+        match &scan.kind {
+            Kind::Mesh(mesh) => self.from_mesh(mesh, &parameter, tolerance, thresholds),
+            Kind::Cloud(cloud) => self.from_cloud(scan.points, cloud, &parameter, tolerance, thresholds),
+        }
+    }
+
+    fn from_mesh(
+        &self,
+        mesh: &Mesh,
+        parameter: &(dyn Fn(u32) -> Option<[f64; 2]> + Sync),
+        tolerance: f64,
+        thresholds: &Thresholds,
+    ) -> ScanSide {
+        let periods = self.search.periods();
+        let of_triangle = |t: usize| {
+            let n = mesh.parts_per_side(t);
+            let mut parts = Vec::with_capacity(n * n);
+            let vertices = mesh.curved.triangles()[t];
+            let at_corners = vertices.map(parameter);
+            let area = mesh.curved.areas()[t] / (n * n) as f64;
+            let (facet, edge) = (mesh.curved.facet_normal(t), EDGE_OF_AREA * mesh.curved.areas()[t].sqrt());
+            for_each_part(n, |w| {
+                let place = mesh.curved.on_facet(t, w);
+                let start = interpolate(at_corners, w, periods);
+                let foot = self.search.nearest(place, start, tolerance);
+                let sagitta = mesh.curved.sagitta(t, w);
+                let band = BAND_WIDTH * sagitta.clamp(-WIDEST_BAND * tolerance, WIDEST_BAND * tolerance);
+                let mut distance = foot.distance;
+                if band.abs() > NEGLIGIBLE_SAGITTA * tolerance {
+                    let curved = add(place, scale(band, facet));
+                    let other = self.search.nearest(curved, start, tolerance).distance;
+                    let is_between = (foot.distance + other - band.abs()).abs() < BETWEEN * band.abs();
+                    distance = if is_between { 0.0 } else { foot.distance.min(other) };
+                }
+                let beyond_rim = foot.on_rim && foot.split().1 > tolerance + edge;
+                let angle = dot(facet, foot.normal);
+                parts.push(Part { place, foot, distance, area, beyond_rim, cosine: angle, side: dot(foot.offset, facet) });
+            });
+            parts
+        };
+        let parts: Vec<Part> = (0..mesh.curved.areas().len()).into_par_iter().flat_map_iter(of_triangle).collect();
+        let reach = |part: &Part| REACH * EDGE_OF_AREA * part.area.sqrt();
+        // The surface's normals may all run against the scan's.
+        let turned = parts.iter().map(|part| part.area * part.cosine).sum::<f64>() < 0.0;
+        let sign = if turned { -1.0 } else { 1.0 };
+        let angles = parts.iter().map(|p| ((sign * p.cosine).clamp(-1.0, 1.0).acos().to_degrees(), p.area, p.place));
+        let signed: f64 = parts.iter().map(|p| -p.area * p.foot.distance.copysign(p.side)).sum();
+        ScanSide {
+            facets: Some(summary(parts.iter().map(|p| (p.foot.distance, p.area, p.place)), tolerance)),
+            signed_mean: Some(-signed / mesh.area),
+            normal_angles: Some(summary(angles, ACROSS_DEGREES)),
+            ..side(&parts, &reach, tolerance, thresholds)
+        }
+    }
+
+    fn from_cloud(
+        &self,
+        points: &[[f64; 3]],
+        cloud: &Cloud<'_>,
+        parameter: &(dyn Fn(u32) -> Option<[f64; 2]> + Sync),
+        tolerance: f64,
+        thresholds: &Thresholds,
+    ) -> ScanSide {
+        let of_point = |(i, &place): (usize, &[f64; 3])| {
+            let foot = self.search.nearest(place, parameter(i as u32), tolerance);
+            let (across, along) = foot.split();
+            let distance = if foot.on_rim { across } else { foot.distance };
+            let beyond_rim = foot.on_rim && along > tolerance + cloud.spacing[i];
+            Part { place, foot, distance, area: cloud.weights[i], beyond_rim, cosine: 0.0, side: 0.0 }
+        };
+        let parts: Vec<Part> = points.par_iter().enumerate().map(of_point).collect();
+        // The weight of a point is the square of its spacing.
+        side(&parts, &|part| REACH_OF_POINT * part.area.sqrt(), tolerance, thresholds)
+    }
+
+    /// Calls `part` with the middle, the cell and parameter and the area of each part of the surface.
+    fn parts<T: Send>(&self, part: &(dyn Fn([f64; 3], u32, [f64; 3], f64) -> T + Sync)) -> Vec<T> {
+        let corners = |t: usize| self.tessellation.triangles[t].map(|v| self.tessellation.vertices[v as usize]);
+        let area = |t: usize| {
+            let [p, q, r] = corners(t);
+            0.5 * norm(cross(sub(q, p), sub(r, p)))
+        };
+        let total: f64 = (0..self.tessellation.triangles.len()).map(area).sum();
+        (0..self.tessellation.triangles.len())
+            .into_par_iter()
+            .flat_map_iter(|t| {
+                let ([p, q, r], area) = (corners(t), area(t));
+                let n = ((area * SURFACE_PARTS / total).sqrt().ceil() as usize).clamp(1, 100);
+                let mut made = Vec::with_capacity(n * n);
+                for_each_part(n, |w| {
+                    let middle = add(add(scale(w[0], p), scale(w[1], q)), scale(w[2], r));
+                    made.push(part(middle, t as u32, w, area / (n * n) as f64));
+                });
+                made
+            })
+            .collect()
+    }
+
+    fn to_mesh(&self, mesh: &Mesh, tolerance: f64) -> SurfaceSide {
+        struct Found {
+            place: [f64; 3],
+            facet: f64,
+            band: f64,
+            area: f64,
+            on_rim: bool,
+            cosine: f64,
+            normal: [f64; 3],
+        }
+        let part = |place: [f64; 3], triangle: u32, weights: [f64; 3], area: f64| {
+            let foot = mesh.tree.nearest(place);
+            let t = foot.triangle as usize;
+            let facet = mesh.curved.facet_normal(t);
+            let offset = sub(place, mesh.curved.on_facet(t, foot.barycentric));
+            let distance = foot.squared_distance.sqrt();
+            let signed = distance.copysign(dot(offset, facet));
+            let widest = WIDEST_BAND * tolerance;
+            let band = BAND_WIDTH * mesh.curved.sagitta(t, foot.barycentric).clamp(-widest, widest);
+            let (cell, u) = self.search.place_in_parameters(triangle, weights);
+            let normal = self.search.normal(cell, u);
+            Found {
+                place,
+                facet: distance,
+                band: (band.min(0.0) - signed).max(signed - band.max(0.0)).max(0.0),
+                area,
+                on_rim: mesh.is_on_rim(foot.triangle, foot.barycentric),
+                cosine: dot(facet, normal),
+                normal,
+            }
+        };
+        let found = self.parts(&part);
+        let area: f64 = found.iter().map(|f| f.area).sum();
+        let inside: Vec<&Found> = found.iter().filter(|f| !f.on_rim).collect();
+        let inner: f64 = inside.iter().map(|f| f.area).sum();
+        let turned = found.iter().map(|f| f.area * f.cosine).sum::<f64>() < 0.0;
+        let sign = if turned { -1.0 } else { 1.0 };
+        let around = ASKED_AROUND * tolerance;
+        let folded: f64 = inside
+            .par_iter()
+            .filter(|f| sign * f.cosine < 0.0 && !mesh.has_like_normal(f.place, f.facet + around, scale(sign, f.normal)))
+            .map(|f| f.area)
+            .collect::<Vec<_>>()
+            .iter()
+            .sum();
+        SurfaceSide {
+            distances: summary(inside.iter().map(|f| (f.band, f.area, f.place)), tolerance),
+            facets: Some(summary(inside.iter().map(|f| (f.facet, f.area, f.place)), tolerance)),
+            beyond_outline: if area > 0.0 { 1.0 - inner / area } else { 0.0 },
+            area,
+            folded: (area > 0.0).then(|| folded / area),
+        }
+    }
+
+    fn to_cloud(&self, cloud: &Cloud<'_>, tolerance: f64) -> SurfaceSide {
+        let part = |place: [f64; 3], _: u32, _: [f64; 3], area: f64| {
+            let (distance, nearest) = cloud.tree.nearest_to(place);
+            ((distance - cloud.spacing[nearest as usize]).max(0.0), area, place, distance)
+        };
+        let found = self.parts(&part);
+        let area: f64 = found.iter().map(|f| f.1).sum();
+        // Where no point is within two spacings the surface spans a void or reaches beyond the outline.
+        let beyond: f64 = found.iter().filter(|f| f.0 > 0.5 * f.3 && f.0 > tolerance).map(|f| f.1).sum();
+        SurfaceSide {
+            distances: summary(found.iter().map(|f| (f.0, f.1, f.2)), tolerance),
+            facets: None,
+            beyond_outline: if area > 0.0 { beyond / area } else { 0.0 },
+            area,
+            folded: None,
+        }
+    }
+}
+
+/// Angle in degrees up to which normals count as alike, in the share `within` of the angles between normals.
+const ACROSS_DEGREES: f64 = 15.0;
+
+/// A part of a scan with its nearest point on the surface.
+struct Part {
+    place: [f64; 3],
+    foot: Foot,
+    distance: f64,
+    /// Area of a triangle's part, weight of a cloud's point.
+    area: f64,
+    beyond_rim: bool,
+    /// Of the angle between the normals of scan and surface.
+    cosine: f64,
+    /// The sign tells the side of the surface.
+    side: f64,
+}
+
+/// The measures from the surface to the scan.
+struct SurfaceSide {
+    distances: Distances,
+    facets: Option<Distances>,
+    beyond_outline: f64,
+    area: f64,
+    folded: Option<f64>,
+}
+
+fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds: &Thresholds) -> ScanSide {
+    let total: f64 = parts.iter().map(|part| part.area).sum();
+    let beyond: f64 = parts.iter().filter(|part| part.beyond_rim).map(|part| part.area).sum();
+    let missing: Vec<&Part> = parts.iter().filter(|part| part.distance > tolerance).collect();
+    let nodes: Vec<Node> = missing
+        .iter()
+        .map(|part| Node { place: part.place, distance: part.distance, weight: part.area, reach: reach(part) })
+        .collect();
+    let miss = |part: &&Part| Miss {
+        place: part.place,
+        distance: part.distance,
+        cell: part.foot.cell,
+        parameter: part.foot.parameter,
+    };
+    ScanSide {
+        distances: summary(parts.iter().map(|part| (part.distance, part.area, part.place)), tolerance),
+        facets: None,
+        signed_mean: None,
+        normal_angles: None,
+        gathered: Gathered::of(&nodes, total, thresholds.gathered),
+        beyond_rim: if total > 0.0 { beyond / total } else { 0.0 },
+        misses: missing.iter().map(miss).collect(),
+    }
+}
+
+/// Statistics of distances with their weights and places.
+fn summary(found: impl Iterator<Item = (f64, f64, [f64; 3])> + Clone, tolerance: f64) -> Distances {
+    let worst = found.clone().max_by(|a, b| a.0.total_cmp(&b.0)).map_or([0.0; 3], |worst| worst.2);
+    Distances::of(found.map(|(distance, weight, _)| (distance, weight)).collect(), tolerance, worst)
+}
+
+/// The parameter of a point of a triangle; `None` if a corner has none, or if the triangle lies across a seam.
+fn interpolate(corners: [Option<[f64; 2]>; 3], w: [f64; 3], periods: [Option<f64>; 2]) -> Option<[f64; 2]> {
+    let [Some(a), Some(b), Some(c)] = corners else { return None };
+    let crosses = |d: usize| {
+        let (low, high) = (a[d].min(b[d]).min(c[d]), a[d].max(b[d]).max(c[d]));
+        periods[d].is_some_and(|period| high - low > 0.5 * period)
+    };
+    let at = |d: usize| w[0] * a[d] + w[1] * b[d] + w[2] * c[d];
+    (!crosses(0) && !crosses(1)).then(|| [at(0), at(1)])
+}

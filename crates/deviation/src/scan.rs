@@ -1,0 +1,184 @@
+//! What was scanned, prepared for measuring surfaces against it.
+
+use std::collections::HashMap;
+
+use point_cloud::vec3::{dot, norm, sub};
+use point_cloud::{CloudError, CloudTree, SPACING_NEIGHBOURS, TriangleTree};
+use rayon::prelude::*;
+
+use crate::CurvedTriangles;
+
+/// Largest part of a triangle that is judged at its middle, as a share of the area of all.
+///
+/// Derived: the definition of gathered misses (docs, "What counts").
+const LARGEST_PART: f64 = 1e-4;
+
+/// Parts that a side of a triangle is cut into at least and at most.
+///
+/// Derived: at least four parts a triangle, by the definition of gathered misses; at most 10⁴.
+const PARTS_PER_SIDE: [usize; 2] = [2, 100];
+
+/// Spacing that a point of a cloud counts for at most, in medians: a lonely point would else outvote all others.
+///
+/// Derived: the definition of the weights of points (docs, "What counts").
+const MAX_SPACING: f64 = 3.0;
+
+/// A scan: triangles where it has some, else points.
+pub struct Scan<'a> {
+    pub(crate) points: &'a [[f64; 3]],
+    pub(crate) kind: Kind<'a>,
+    diagonal: f64,
+}
+
+pub(crate) enum Kind<'a> {
+    Mesh(Box<Mesh>),
+    Cloud(Cloud<'a>),
+}
+
+/// The triangles of a scan.
+pub(crate) struct Mesh {
+    pub(crate) curved: CurvedTriangles,
+    pub(crate) tree: TriangleTree,
+    /// Whether the side of each triangle opposite to a corner belongs to no other triangle.
+    rim_sides: Vec<[bool; 3]>,
+    rim_vertices: Vec<bool>,
+    pub(crate) area: f64,
+}
+
+/// The points of a scan without triangles.
+pub(crate) struct Cloud<'a> {
+    pub(crate) tree: CloudTree<'a>,
+    /// Mean distance of each point to its neighbours.
+    pub(crate) spacing: Vec<f64>,
+    /// Weight of each point in shares and means: the square of its spacing, which is at most three medians.
+    pub(crate) weights: Vec<f64>,
+}
+
+impl<'a> Scan<'a> {
+    /// A cloud of points, three at least.
+    ///
+    /// # Errors
+    /// [`CloudError::TooFewPoints`].
+    pub fn cloud(points: &'a [[f64; 3]]) -> Result<Self, CloudError> {
+        let tree = CloudTree::new(points)?;
+        let neighbours = SPACING_NEIGHBOURS.min(points.len() - 1).max(1);
+        let spacing: Vec<f64> =
+            tree.map_nearest(neighbours, |_, near| near.iter().map(|n| n.0).sum::<f64>() / near.len().max(1) as f64);
+        let mut sorted = spacing.clone();
+        let median = *sorted.select_nth_unstable_by(points.len() / 2, f64::total_cmp).1;
+        let weights = spacing.iter().map(|s| s.min(MAX_SPACING * median).powi(2)).collect();
+        Ok(Self { points, kind: Kind::Cloud(Cloud { tree, spacing, weights }), diagonal: diagonal(points) })
+    }
+
+    /// A mesh, whose triangles name `points`. One without area is a cloud.
+    ///
+    /// # Errors
+    /// [`CloudError::TooFewPoints`].
+    pub fn mesh(points: &'a [[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self, CloudError> {
+        let curved = CurvedTriangles::new(points.to_vec(), triangles.to_vec());
+        let area: f64 = curved.areas().iter().sum();
+        if area <= 0.0 {
+            return Self::cloud(points);
+        }
+        let corners: Vec<[[f64; 3]; 3]> = (0..triangles.len()).map(|t| curved.corners(t)).collect();
+        let mut used: HashMap<(u32, u32), u32> = HashMap::with_capacity(3 * triangles.len() / 2);
+        let side = |t: &[u32; 3], k: usize| {
+            let (a, b) = (t[(k + 1) % 3], t[(k + 2) % 3]);
+            (a.min(b), a.max(b))
+        };
+        triangles.iter().for_each(|t| (0..3).for_each(|k| *used.entry(side(t, k)).or_insert(0) += 1));
+        let rim_sides: Vec<[bool; 3]> =
+            triangles.iter().map(|t| std::array::from_fn(|k| used[&side(t, k)] == 1)).collect();
+        let mut rim_vertices = vec![false; points.len()];
+        for (t, rim) in triangles.iter().zip(&rim_sides) {
+            for k in (0..3).filter(|&k| rim[k]) {
+                rim_vertices[t[(k + 1) % 3] as usize] = true;
+                rim_vertices[t[(k + 2) % 3] as usize] = true;
+            }
+        }
+        let mesh = Mesh { tree: TriangleTree::new(&corners), curved, rim_sides, rim_vertices, area };
+        let used: Vec<[f64; 3]> = corners.iter().flatten().copied().collect();
+        Ok(Self { points, kind: Kind::Mesh(Box::new(mesh)), diagonal: diagonal(&used) })
+    }
+
+    /// Whether the scan has triangles.
+    pub fn is_mesh(&self) -> bool {
+        matches!(self.kind, Kind::Mesh(_))
+    }
+
+    /// Diagonal of the bounding box.
+    pub fn diagonal(&self) -> f64 {
+        self.diagonal
+    }
+
+    /// The curved triangles, where the scan has triangles.
+    pub fn curved(&self) -> Option<&CurvedTriangles> {
+        match &self.kind {
+            Kind::Mesh(mesh) => Some(&mesh.curved),
+            Kind::Cloud(_) => None,
+        }
+    }
+
+    /// The height of the curved triangles over their facets, 95th percentile by area; `None` for a cloud.
+    pub fn sagitta_p95(&self) -> Option<f64> {
+        let Kind::Mesh(mesh) = &self.kind else { return None };
+        let middle = [1.0 / 3.0; 3];
+        let heights = (0..mesh.curved.areas().len())
+            .into_par_iter()
+            .map(|t| (mesh.curved.sagitta(t, middle).abs(), mesh.curved.areas()[t]))
+            .collect();
+        Some(crate::Distances::of(heights, 0.0, [0.0; 3]).p95)
+    }
+}
+
+impl Mesh {
+    /// Parts that each side of a triangle is cut into.
+    pub(crate) fn parts_per_side(&self, triangle: usize) -> usize {
+        let parts = (self.curved.areas()[triangle] / (LARGEST_PART * self.area)).sqrt().ceil() as usize;
+        parts.clamp(PARTS_PER_SIDE[0], PARTS_PER_SIDE[1])
+    }
+
+    /// Whether a facet at a distance of at most `radius` from `place` turns by at most a right angle from `normal`.
+    pub(crate) fn has_like_normal(&self, place: [f64; 3], radius: f64, normal: [f64; 3]) -> bool {
+        let mut found = false;
+        self.tree.for_each_within(place, radius, |t| found |= dot(self.curved.facet_normal(t as usize), normal) >= 0.0);
+        found
+    }
+
+    /// Whether a point of a triangle, given by barycentric coordinates, lies on the outline or on the rim of a hole.
+    pub(crate) fn is_on_rim(&self, triangle: u32, weights: [f64; 3]) -> bool {
+        let t = triangle as usize;
+        let vertices = self.curved.triangles()[t];
+        (0..3).any(|k| weights[k] <= ON_SIDE && self.rim_sides[t][k])
+            || (0..3).any(|k| weights[k] >= 1.0 - ON_SIDE && self.rim_vertices[vertices[k] as usize])
+    }
+}
+
+/// Barycentric coordinate up to which a point lies on the side of a triangle.
+///
+/// Limit: round-off of the nearest point.
+const ON_SIDE: f64 = 1e-9;
+
+/// Calls `visit` with the barycentric coordinates of the middle of each of the `n²` parts of a triangle.
+pub(crate) fn for_each_part(n: usize, mut visit: impl FnMut([f64; 3])) {
+    let size = n as f64;
+    for j in 0..n {
+        for i in 0..n - j {
+            let (u, v) = ((i as f64 + 1.0 / 3.0) / size, (j as f64 + 1.0 / 3.0) / size);
+            visit([1.0 - u - v, u, v]);
+            if i + j + 1 < n {
+                let (u, v) = ((i as f64 + 2.0 / 3.0) / size, (j as f64 + 2.0 / 3.0) / size);
+                visit([1.0 - u - v, u, v]);
+            }
+        }
+    }
+}
+
+/// Diagonal of the bounding box.
+pub(crate) fn diagonal(points: &[[f64; 3]]) -> f64 {
+    let Some(&first) = points.first() else { return 0.0 };
+    let (lower, upper) = points.iter().fold((first, first), |(lower, upper), p| {
+        (std::array::from_fn(|k| lower[k].min(p[k])), std::array::from_fn(|k| upper[k].max(p[k])))
+    });
+    norm(sub(upper, lower))
+}

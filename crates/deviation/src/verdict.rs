@@ -1,0 +1,175 @@
+//! One verdict on a surface: good, usable or failed, with the reasons.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::Deviation;
+/// x
+#[derive(Debug)]
+pub struct Crossings { pub count: usize, pub places: Vec<Crossing> }
+#[derive(Debug)]
+pub struct Crossing { pub place: [f64; 3] }
+
+/// How good a surface is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Near the scan everywhere, with nothing to look at.
+    Good,
+    /// Near the scan as asked, but some places need a look.
+    Usable,
+    /// Not what was asked for: not near enough, or not a surface that can be worked with.
+    Failed,
+}
+
+impl Verdict {
+    /// A word for reports and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Usable => "usable",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A reason why a surface is not good.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reason {
+    /// A stable name.
+    pub code: &'static str,
+    /// The verdict that it leads to.
+    pub verdict: Verdict,
+    /// What is wrong, in a sentence.
+    pub text: String,
+    /// What was measured.
+    pub figure: f64,
+    /// What was allowed.
+    pub limit: f64,
+    /// Where it is worst.
+    pub place: Option<[f64; 3]>,
+}
+
+/// The limits that a verdict goes by.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Thresholds {
+    /// Share of the area, both ways, that has to be within the tolerance.
+    pub within: f64,
+    /// By how much that share may be missed: it is measured on samples.
+    pub slack: f64,
+    /// Share of the scan's area in the largest patch of misses from which on a surface is no more than usable. Faithful surfaces have at
+    /// most 0.0006, those that lost a mouth or an eye 0.0014 to 0.009.
+    pub gathered: f64,
+    /// Share of the scan that may lie beyond the rim of the surface by more than the tolerance and the spacing.
+    pub beyond_rim: f64,
+    /// Diagonal of the surface's box in diagonals of the scan's: a surface that is larger swings out.
+    pub box_ratio: f64,
+    /// Share of the surface's area that may be folded over.
+    pub folded: f64,
+    /// Places where the surface may cross itself.
+    pub crossings: usize,
+    /// Share of the points that may be left out unasked for a good surface.
+    pub left_out: f64,
+}
+
+impl Default for Thresholds {
+    fn default() -> Self {
+        Self {
+            within: 0.95,
+            slack: 0.01,
+            gathered: 1e-3,
+            beyond_rim: 0.01,
+            box_ratio: 1.05,
+            folded: 1e-3,
+            crossings: 0,
+            left_out: 0.02,
+        }
+    }
+}
+
+impl Thresholds {
+    /// Whether the share of the area asked for holds.
+    pub fn is_within(&self, share: f64) -> bool {
+        share >= self.within - self.slack
+    }
+
+    /// Why a surface is not good; nothing if it is.
+    pub fn reasons(&self, deviation: &Deviation, crossings: &Crossings) -> Vec<Reason> {
+        let mut reasons = Vec::new();
+        let mut add = |code, verdict, figure: f64, limit: f64, place, text: String| {
+            reasons.push(Reason { code, verdict, text, figure, limit, place });
+        };
+        let tolerance = deviation.tolerance;
+        let to_surface = &deviation.scan_to_surface;
+        let least = self.within - self.slack;
+        if !self.is_within(to_surface.within) {
+            let what = if deviation.scan == "mesh" { "scan's area" } else { "points, weighed by their spacing," };
+            let text = format!(
+                "{:.1} % of the {what} lie within {tolerance:.4e} of the surface, {:.1} % are asked for; the largest distance is \
+                 {:.1} tolerances",
+                100.0 * to_surface.within,
+                100.0 * self.within,
+                to_surface.max / tolerance
+            );
+            add("scan-not-within", Verdict::Failed, to_surface.within, least, Some(to_surface.place), text);
+        }
+        let to_scan = &deviation.surface_to_scan;
+        if deviation.scan == "mesh" && !self.is_within(to_scan.within) {
+            let text = format!(
+                "{:.1} % of the surface's area inside the scan's outline lie within {tolerance:.4e} of the scan; the largest distance \
+                 is {:.1} tolerances: the surface bulges or folds between the points",
+                100.0 * to_scan.within,
+                to_scan.max / tolerance
+            );
+            add("surface-not-within", Verdict::Failed, to_scan.within, least, Some(to_scan.place), text);
+        }
+        if deviation.beyond_rim > self.beyond_rim {
+            let text = format!(
+                "{:.1} % of the scan lie beyond the rim of the surface: it does not cover the scan",
+                100.0 * deviation.beyond_rim
+            );
+            add("not-covered", Verdict::Failed, deviation.beyond_rim, self.beyond_rim, None, text);
+        }
+        if deviation.box_ratio > self.box_ratio {
+            let text = format!(
+                "the surface swings out: its box is {:.2} times as large as the scan's, the largest distance to the scan is {:.1} \
+                 tolerances",
+                deviation.box_ratio,
+                to_scan.max / tolerance
+            );
+            add("swings-out", Verdict::Failed, deviation.box_ratio, self.box_ratio, Some(to_scan.place), text);
+        }
+        if crossings.count > self.crossings {
+            let text = format!("the surface crosses itself in {} places", crossings.count);
+            let place = crossings.places.first().map(|crossing| crossing.place);
+            add("crosses-itself", Verdict::Failed, crossings.count as f64, self.crossings as f64, place, text);
+        }
+        if let Some(folded) = deviation.folded.filter(|&folded| folded > self.folded) {
+            let text = format!("{:.2} % of the surface's area are folded over", 100.0 * folded);
+            add("folded", Verdict::Failed, folded, self.folded, None, text);
+        }
+        let largest = deviation.gathered.largest;
+        if largest > self.gathered {
+            let patch = deviation.gathered.patches.first();
+            let text = format!(
+                "a patch of {:.2} % of the scan's area lies beyond the tolerance, by up to {:.1} tolerances: detail is lost there",
+                100.0 * largest,
+                patch.map_or(0.0, |patch| patch.distance / tolerance)
+            );
+            add("misses-gather", Verdict::Usable, largest, self.gathered, patch.map(|patch| patch.place), text);
+        }
+        reasons
+    }
+}
+
+/// The verdict that reasons lead to.
+pub fn verdict(reasons: &[Reason]) -> Verdict {
+    reasons.iter().map(|reason| reason.verdict).max().unwrap_or(Verdict::Good)
+}
