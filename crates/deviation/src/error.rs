@@ -1,10 +1,36 @@
-//! What can go wrong.
+//! What can be wrong with a surface that is to be measured.
 
-/// Errors of measuring.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+use thiserror::Error;
+
+/// Errors of this crate.
+#[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
-    /// A surface has no triangles to measure on.
-    #[error("the surface has no triangles to measure on")]
-    NoTriangles,
+    /// The image of the map is not space.
+    #[error("a surface in a space of dimension {given}; only surfaces in space, of dimension 3, can be measured")]
+    Dimension {
+        /// Dimension of the image.
+        given: usize,
+    },
+    /// A length that must be positive and finite.
+    #[error("{what} is {given}; it must be positive and finite")]
+    Length {
+        /// Name of the length.
+        what: &'static str,
+        /// The length.
+        given: f64,
+    },
+    /// Two arrays that must have one entry for the same things have different lengths.
+    #[error("{given} {what}, but {expected} are needed")]
+    Count {
+        /// What is counted.
+        what: &'static str,
+        /// Number given.
+        given: usize,
+        /// Number needed.
+        expected: usize,
+    },
+    /// A surface without any extent has no area to measure.
+    #[error("the surface has no area: all its triangles are degenerate")]
+    NoArea,
 }

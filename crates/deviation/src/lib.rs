@@ -13,6 +13,8 @@ mod measure;
 mod scan;
 mod search;
 mod tessellation;
+#[cfg(test)]
+mod testing;
 mod verdict;
 
 pub use curved::{CREASE_DEGREES, CurvedTriangles};

@@ -145,7 +145,6 @@ pub struct ScanSide {
 
 /// A surface that is being measured: its triangles, and searches among them.
 pub struct Measured<'a> {
-    map: &'a SplineMap<2>,
     tessellation: &'a Tessellation,
     search: SurfaceSearch<'a>,
 }
@@ -180,9 +179,9 @@ impl<'a> Measured<'a> {
     /// Prepares a surface and its triangles.
     ///
     /// # Errors
-    /// [`Error::NoTriangles`].
+    /// [`Error::NoArea`].
     pub fn new(map: &'a SplineMap<2>, tessellation: &'a Tessellation) -> Result<Self, Error> {
-        Ok(Self { map, tessellation, search: SurfaceSearch::new(map, tessellation)? })
+        Ok(Self { tessellation, search: SurfaceSearch::new(map, tessellation)? })
     }
 
     /// All measures.

@@ -59,7 +59,7 @@ pub(crate) struct SurfaceSearch<'a> {
 impl<'a> SurfaceSearch<'a> {
     pub(crate) fn new(map: &'a SplineMap<2>, tessellation: &'a Tessellation) -> Result<Self, Error> {
         if tessellation.triangles.is_empty() {
-            return Err(Error::NoTriangles);
+            return Err(Error::NoArea);
         }
         let corners: Vec<[[f64; 3]; 3]> =
             tessellation.triangles.iter().map(|t| t.map(|v| tessellation.vertices[v as usize])).collect();
@@ -95,15 +95,10 @@ impl<'a> SurfaceSearch<'a> {
     /// Cell and parameter of a point of a triangle of the tessellation.
     pub(crate) fn place_in_parameters(&self, triangle: u32, weights: [f64; 3]) -> (usize, [f64; 2]) {
         let (t, cell) = (triangle as usize, self.tessellation.cells[triangle as usize] as usize);
-        let corners = self.tessellation.triangles[t].map(|v| self.tessellation.parameters[v as usize]);
+        let corners = self.tessellation.corner_parameters(t);
         let (lower, upper) = self.bezier.cell_box(cell);
         let u = std::array::from_fn(|d| {
-            // Vertices on a seam have the parameter of its beginning.
-            let at = |k: usize| {
-                let (x, period) = (corners[k][d], self.domain.1[d] - self.domain.0[d]);
-                if self.periodic[d] && x < lower[d] - 0.5 * (upper[d] - lower[d]) { x + period } else { x }
-            };
-            (0..3).map(|k| weights[k] * at(k)).sum::<f64>().clamp(lower[d], upper[d])
+            (0..3).map(|k| weights[k] * corners[k][d]).sum::<f64>().clamp(lower[d], upper[d])
         });
         (cell, u)
     }
