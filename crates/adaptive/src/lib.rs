@@ -41,6 +41,15 @@ pub trait Solve<const D: usize> {
         None
     }
 
+    /// Asked once the asked share of the points is within the tolerance: the places to refine all the same, worst first. None
+    /// ends the loop with [`Stop::ToleranceReached`], which is what methods do that know no more than the errors of their points.
+    ///
+    /// # Errors
+    /// Those of the method.
+    fn missed(&mut self, _map: &SplineMap<D>) -> Result<Vec<Mark>, Self::Error> {
+        Ok(Vec::new())
+    }
+
     /// REFINE: the space with the marked cells refined, or the same cells where none of them can be. A method with spaces of
     /// its own, such as B-splines with inserted knots, refines in its own way; the others by [`HierarchicalSpace::refine_at`].
     ///

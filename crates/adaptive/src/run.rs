@@ -154,7 +154,7 @@ pub fn run<const D: usize, S: Solve<D>>(
     let mut history: Vec<Iteration> = Vec::new();
     loop {
         let step = iterate(method, &space, last.as_ref(), options, &history);
-        let (map, mut record, marked) = match (step, last.take()) {
+        let Step { map, mut record, marked, reached } = match (step, last.take()) {
             (Ok(step), _) => step,
             (Err(error), Some(map)) => {
                 return Ok(Outcome { map, stop: Stop::Failed, failure: Some(error), history });
@@ -165,6 +165,7 @@ pub fn run<const D: usize, S: Solve<D>>(
         tracing::debug!(iteration = record.iteration, dofs = record.dofs, max = record.deviation.max, "fitted");
         let refining = Instant::now();
         let next = match stop_before_refining(&record, &history, options, interrupted) {
+            _ if reached => Err(Stop::ToleranceReached),
             Some(stop) => Err(stop),
             None => refine(method, &space, &marked, options),
         };
@@ -212,7 +213,7 @@ fn iterate<const D: usize, S: Solve<D>>(
     previous: Option<&SplineMap<D>>,
     options: &Options<D>,
     history: &[Iteration],
-) -> Result<(SplineMap<D>, Iteration, Marked), S::Error> {
+) -> Result<Step<D>, S::Error> {
     let solution = method.solve(space, previous)?;
     let estimating = Instant::now();
     let estimate = method.estimate(&solution.map)?;
@@ -224,7 +225,14 @@ fn iterate<const D: usize, S: Solve<D>>(
         refine: 0.0,
     };
     let by_rule = Marked::new(estimate, &deviation, options, history.last());
-    let marked = method.mark(&solution.map, options.tolerance).map_or(by_rule, Marked::all);
+    let is_within = deviation.within >= options.within;
+    let missed = if is_within { method.missed(&solution.map)? } else { Vec::new() };
+    let reached = is_within && missed.is_empty();
+    let marked = if is_within {
+        Marked::all(missed)
+    } else {
+        method.mark(&solution.map, options.tolerance).map_or(by_rule, Marked::all)
+    };
     let record = Iteration {
         iteration: history.len(),
         dofs: space.n_functions(),
@@ -233,7 +241,16 @@ fn iterate<const D: usize, S: Solve<D>>(
         deviation,
         seconds,
     };
-    Ok((solution.map, record, marked))
+    Ok(Step { map: solution.map, record, marked, reached })
+}
+
+/// What SOLVE, ESTIMATE and MARK made.
+struct Step<const D: usize> {
+    map: SplineMap<D>,
+    record: Iteration,
+    marked: Marked,
+    /// Whether the asked share is within the tolerance and the method has nothing to add.
+    reached: bool,
 }
 
 fn stop_before_refining<const D: usize>(
@@ -242,9 +259,7 @@ fn stop_before_refining<const D: usize>(
     options: &Options<D>,
     interrupted: bool,
 ) -> Option<Stop> {
-    if record.deviation.within >= options.within {
-        Some(Stop::ToleranceReached)
-    } else if interrupted {
+    if interrupted {
         Some(Stop::Interrupted)
     } else if record.iteration + 1 >= options.max_iterations {
         Some(Stop::Iterations)

@@ -7,7 +7,7 @@ use reconstruct::{
     BlendChoice, BoundaryChoice, Clean, Closed, ClosedChoice, CornerChoice, Crop, CurveOptions, CurveParameters,
     Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule,
     LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions, QuasiOptions,
-    RadiusChoice, ReadOptions, Refine, ReweightingOptions, SideRule, Tolerance, UpdateChoice,
+    RadiusChoice, ReadOptions, Refine, ReweightingOptions, Samples, SideRule, Tolerance, UpdateChoice,
 };
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
@@ -122,6 +122,9 @@ pub(crate) struct FitArgs {
     /// Threads for the work within a part; 0 for one per core.
     #[arg(long, default_value_t = 0)]
     threads: usize,
+    /// No warnings on standard error; the report has them.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
     #[command(flatten)]
     layout: LayoutArgs,
 
@@ -164,6 +167,10 @@ pub(crate) struct FitArgs {
     /// BᵀWB + λG.
     #[arg(long, default_value_t = FitOptions::default().lambda, allow_hyphen_values = true, help_heading = "What is fitted")]
     lambda: LambdaChoice,
+    /// What of a mesh is fitted: its area (long triangles get further points, which lie on curved triangles; all weigh as much as
+    /// the area round them), or its vertices, all alike, at their parameters.
+    #[arg(long, default_value_t = FitOptions::default().samples, help_heading = "What is fitted")]
+    samples: Samples,
     /// Integration of the energy: exact, or gauss-p as in G+Smo.
     #[arg(long, default_value_t = FitOptions::default().energy, help_heading = "What is fitted")]
     energy: Energy,
@@ -279,6 +286,7 @@ impl FitArgs {
             extension: self.extension,
             admissible: self.admissible,
             energy: self.energy,
+            samples: self.samples,
             units: self.units,
             flip: self.flip,
             seed: self.seed,

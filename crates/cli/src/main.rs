@@ -114,9 +114,15 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
             let name = result.input.display().to_string();
             complain(&if error.starts_with(&name) { error.clone() } else { format!("{name}: {error}") });
         }
-        // On a terminal the line stands there already.
-        if matches!(result.outcome, PartOutcome::Fitted { reached: false, .. }) && !io::stderr().is_terminal() {
-            complain(&progress::line(result));
+        if let PartOutcome::Fitted { reached, reasons, warnings, .. } = &result.outcome {
+            // On a terminal the line stands there already.
+            if !reached && !io::stderr().is_terminal() {
+                complain(&progress::line(result));
+            }
+            if !args.quiet {
+                reasons.iter().for_each(|reason| complain(&progress::reason(&result.input, reason)));
+                warnings.iter().for_each(|warning| complain(&progress::named(&result.input, warning)));
+            }
         }
     }
     if results.len() < args.inputs.len() {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use reconstruct::{BatchEvent, Event, PartOutcome, PartResult};
+use reconstruct::{BatchEvent, Event, PartOutcome, PartResult, Reason, Verdict};
 
 /// Shows how far a batch is.
 pub(crate) struct Progress {
@@ -41,9 +41,6 @@ impl Progress {
             )),
             BatchEvent::Done(result) => {
                 self.bar.println(line(result));
-                if let PartOutcome::Fitted { warnings, .. } = &result.outcome {
-                    warnings.iter().for_each(|warning| self.bar.println(format!("  {warning}")));
-                }
                 self.bar.inc(1);
             }
         }
@@ -62,8 +59,8 @@ fn name(input: &Path) -> String {
 pub(crate) fn line(result: &PartResult) -> String {
     let name = name(&result.input);
     match &result.outcome {
-        PartOutcome::Fitted { reached, stop, dofs, max, within, tolerance, lambda, reweighting, seconds, .. } => {
-            let verdict = if *reached { "done".to_owned() } else { format!("tolerance not reached ({stop})") };
+        PartOutcome::Fitted { verdict, stop, dofs, max, within, tolerance, lambda, reweighting, seconds, .. } => {
+            let verdict = if *verdict < Verdict::Failed { verdict.to_string() } else { format!("failed ({stop})") };
             format!(
                 "{name}: {verdict}, {dofs} control points, {:.1} % within {tolerance:.4e}, max {max:.4e}, \
                  λ {lambda:.2e}{}, {seconds:.2} s",
@@ -73,4 +70,15 @@ pub(crate) fn line(result: &PartResult) -> String {
         }
         PartOutcome::Failed { .. } => format!("{name}: failed"),
     }
+}
+
+/// A warning about a part.
+pub(crate) fn named(input: &Path, warning: &str) -> String {
+    format!("{}: {warning}", name(input))
+}
+
+/// Why a surface is not good, and where.
+pub(crate) fn reason(input: &Path, reason: &Reason) -> String {
+    let place = reason.place.map_or(String::new(), |[x, y, z]| format!(", worst at ({x:.6}, {y:.6}, {z:.6})"));
+    format!("{}: {}: {}{place} [{}]", name(input), reason.verdict, reason.text, reason.code)
 }

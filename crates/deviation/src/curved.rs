@@ -60,10 +60,9 @@ impl CurvedTriangles {
             if in_plane[t] {
                 return facets[t];
             }
-            let sum = round.of(triangles[t][k]).iter().map(|&o| o as usize).filter(|&o| dot(facets[t], facets[o]) >= crease);
-            unit(sum.fold([0.0; 3], |sum, o| {
-                add(sum, scale(if in_plane[o] { PLANE_WEIGHT } else { 1.0 }, doubled[o]))
-            }))
+            let sum =
+                round.of(triangles[t][k]).iter().map(|&o| o as usize).filter(|&o| dot(facets[t], facets[o]) >= crease);
+            unit(sum.fold([0.0; 3], |sum, o| add(sum, scale(if in_plane[o] { PLANE_WEIGHT } else { 1.0 }, doubled[o]))))
         };
         let corners = (0..triangles.len()).map(|t| std::array::from_fn(|k| corner(t, k))).collect();
         Self { vertices, triangles, facets, corners, areas }
@@ -242,7 +241,9 @@ mod tests {
     #[test]
     fn planes_and_sharp_edges_stay() {
         // Two unit squares of eight facets each that meet at a right angle along x = 1.
-        let grid = |at: &dyn Fn(f64, f64) -> [f64; 3]| (0..9).map(|k| at((k % 3) as f64 / 2.0, (k / 3) as f64 / 2.0)).collect::<Vec<_>>();
+        let grid = |at: &dyn Fn(f64, f64) -> [f64; 3]| {
+            (0..9).map(|k| at((k % 3) as f64 / 2.0, (k / 3) as f64 / 2.0)).collect::<Vec<_>>()
+        };
         let mut vertices = grid(&|s, t| [s, t, 0.0]);
         vertices.extend(grid(&|s, t| [1.0, t, s]).into_iter().filter(|p| p[2] > 0.0));
         let place = |p: [f64; 3]| vertices.iter().position(|&q| q == p).unwrap() as u32;

@@ -32,7 +32,8 @@ impl Distances {
         let Some(last) = pairs.last().filter(|_| total > 0.0) else { return Self::default() };
         let mut found = Self { max: last.0, place, ..Self::default() };
         let (mut below, mut mean, mut square) = (0.0, 0.0, 0.0);
-        let mut quantiles = [(0.5, &mut found.median), (0.95, &mut found.p95), (0.99, &mut found.p99)].into_iter().peekable();
+        let mut quantiles =
+            [(0.5, &mut found.median), (0.95, &mut found.p95), (0.99, &mut found.p99)].into_iter().peekable();
         for &(distance, weight) in &pairs {
             below += weight;
             mean += weight * distance;

@@ -56,13 +56,15 @@ pub(crate) struct Node {
 }
 
 impl Gathered {
-    /// The patches of nodes; `total` is the weight of the whole scan, `many` the share from which a patch adds to the total.
-    pub(crate) fn of(nodes: &[Node], total: f64, many: f64) -> Self {
+    /// The patches of nodes, and for each node the share of its patch; `total` is the weight of the whole scan, `many` the share from
+    /// which a patch adds to the total.
+    pub(crate) fn of(nodes: &[Node], total: f64, many: f64) -> (Self, Vec<f64>) {
+        let none = || (Self::default(), vec![0.0; nodes.len()]);
         if nodes.len() < FEWEST_NODES || total <= 0.0 {
-            return Self::default();
+            return none();
         }
         let places: Vec<[f64; 3]> = nodes.iter().map(|node| node.place).collect();
-        let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else { return Self::default() };
+        let Ok(tree) = ImmutableKdTree::<f64, 3>::new_from_slice(&places) else { return none() };
         let count = NonZero::new(nodes.len().min(NEIGHBOURS + 1)).unwrap_or(NonZero::<usize>::MIN);
         let touching: Vec<Vec<u32>> = nodes
             .par_iter()
@@ -85,6 +87,8 @@ impl Gathered {
                 (patch.distance, patch.place) = (node.distance, node.place);
             }
         }
+        let enough = |(count, patch): &(usize, Patch)| if *count >= FEWEST_NODES { patch.share } else { 0.0 };
+        let shares = (0..nodes.len()).map(|i| enough(&patches[groups.root(i)])).collect();
         let mut patches: Vec<Patch> =
             patches.into_iter().filter(|(count, _)| *count >= FEWEST_NODES).map(|(_, patch)| patch).collect();
         patches.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -94,7 +98,7 @@ impl Gathered {
             patches: Vec::new(),
         };
         patches.truncate(LISTED);
-        Self { patches, ..found }
+        (Self { patches, ..found }, shares)
     }
 }
 
@@ -114,10 +118,11 @@ mod tests {
         let mut nodes: Vec<Node> = (0..16).map(|k| at(k % 4, k / 4)).collect();
         nodes.extend((0..6).map(|k| at(10 + k % 3, k / 3)));
         nodes.extend([at(20, 0), at(20, 5), at(20, 10), at(20, 15)]);
-        let found = Gathered::of(&nodes, 1000.0, 0.01);
+        let (found, shares) = Gathered::of(&nodes, 1000.0, 0.01);
+        assert!((shares[0] - 0.016).abs() < 1e-15 && (shares[16] - 0.006).abs() < 1e-15 && shares[22] == 0.0);
         assert!((found.largest - 0.016).abs() < 1e-15 && (found.total - 0.016).abs() < 1e-15);
         assert_eq!(found.patches.len(), 2);
         assert_eq!((found.patches[0].place[0], found.patches[1].distance), (3.0, 14.0));
-        assert_eq!(Gathered::of(&nodes[..4], 1000.0, 0.01), Gathered::default());
+        assert_eq!(Gathered::of(&nodes[..4], 1000.0, 0.01), (Gathered::default(), vec![0.0; 4]));
     }
 }

@@ -23,5 +23,6 @@ pub use error::Error;
 pub use gathered::{Gathered, Patch};
 pub use measure::{Deviation, Measured, Miss, ScanSide, measure, tessellate};
 pub use scan::Scan;
+pub use search::distance_across;
 pub use tessellation::Tessellation;
-pub use verdict::{Reason, Thresholds, Verdict, verdict};
+pub use verdict::{Reason, SCAN_NOT_WITHIN, Thresholds, Verdict, verdict};

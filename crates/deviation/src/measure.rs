@@ -122,6 +122,8 @@ pub struct Miss {
     pub cell: usize,
     /// The parameter of that point.
     pub parameter: [f64; 2],
+    /// Share of the scan's area of the patch of misses that this one belongs to; 0 of one that is alone.
+    pub gathered: f64,
 }
 
 /// The scan against a surface: one direction of a [`Deviation`].
@@ -261,7 +263,15 @@ impl<'a> Measured<'a> {
                 }
                 let beyond_rim = foot.on_rim && foot.split().1 > tolerance + edge;
                 let angle = dot(facet, foot.normal);
-                parts.push(Part { place, foot, distance, area, beyond_rim, cosine: angle, side: dot(foot.offset, facet) });
+                parts.push(Part {
+                    place,
+                    foot,
+                    distance,
+                    area,
+                    beyond_rim,
+                    cosine: angle,
+                    side: dot(foot.offset, facet),
+                });
             });
             parts
         };
@@ -363,7 +373,9 @@ impl<'a> Measured<'a> {
         let around = ASKED_AROUND * tolerance;
         let folded: f64 = inside
             .par_iter()
-            .filter(|f| sign * f.cosine < 0.0 && !mesh.has_like_normal(f.place, f.facet + around, scale(sign, f.normal)))
+            .filter(|f| {
+                sign * f.cosine < 0.0 && !mesh.has_like_normal(f.place, f.facet + around, scale(sign, f.normal))
+            })
             .map(|f| f.area)
             .collect::<Vec<_>>()
             .iter()
@@ -430,20 +442,22 @@ fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds
         .iter()
         .map(|part| Node { place: part.place, distance: part.distance, weight: part.area, reach: reach(part) })
         .collect();
-    let miss = |part: &&Part| Miss {
+    let (gathered, shares) = Gathered::of(&nodes, total, thresholds.gathered);
+    let miss = |(part, share): (&&Part, f64)| Miss {
         place: part.place,
         distance: part.distance,
         cell: part.foot.cell,
         parameter: part.foot.parameter,
+        gathered: share,
     };
     ScanSide {
         distances: summary(parts.iter().map(|part| (part.distance, part.area, part.place)), tolerance),
         facets: None,
         signed_mean: None,
         normal_angles: None,
-        gathered: Gathered::of(&nodes, total, thresholds.gathered),
+        gathered,
         beyond_rim: if total > 0.0 { beyond / total } else { 0.0 },
-        misses: missing.iter().map(miss).collect(),
+        misses: missing.iter().zip(shares).map(miss).collect(),
     }
 }
 

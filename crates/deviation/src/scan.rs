@@ -101,6 +101,16 @@ impl<'a> Scan<'a> {
         Ok(Self { points, kind: Kind::Mesh(Box::new(mesh)), diagonal: diagonal(&used) })
     }
 
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
     /// Whether the scan has triangles.
     pub fn is_mesh(&self) -> bool {
         matches!(self.kind, Kind::Mesh(_))

@@ -97,9 +97,8 @@ impl<'a> SurfaceSearch<'a> {
         let (t, cell) = (triangle as usize, self.tessellation.cells[triangle as usize] as usize);
         let corners = self.tessellation.corner_parameters(t);
         let (lower, upper) = self.bezier.cell_box(cell);
-        let u = std::array::from_fn(|d| {
-            (0..3).map(|k| weights[k] * corners[k][d]).sum::<f64>().clamp(lower[d], upper[d])
-        });
+        let u =
+            std::array::from_fn(|d| (0..3).map(|k| weights[k] * corners[k][d]).sum::<f64>().clamp(lower[d], upper[d]));
         (cell, u)
     }
 
@@ -155,4 +154,16 @@ impl<'a> SurfaceSearch<'a> {
         self.bezier.derivative(cell, u, [0, 1], &mut tangents[1]);
         unit(cross(tangents[0], tangents[1]))
     }
+}
+
+/// Distance of `point` to the tangent plane of a surface at a parameter in a cell: what is left of its distance to a point of the
+/// rim when that along the surface is taken away.
+pub fn distance_across(map: &SplineMap<2>, cell: usize, u: [f64; 2], point: [f64; 3]) -> f64 {
+    let bezier = map.bezier();
+    let derivative = |order| {
+        let mut out = [0.0; 3];
+        bezier.derivative(cell, u, order, &mut out);
+        out
+    };
+    dot(sub(point, derivative([0, 0])), unit(cross(derivative([1, 0]), derivative([0, 1])))).abs()
 }

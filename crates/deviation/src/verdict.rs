@@ -5,11 +5,9 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::Deviation;
-/// x
-#[derive(Debug)]
-pub struct Crossings { pub count: usize, pub places: Vec<Crossing> }
-#[derive(Debug)]
-pub struct Crossing { pub place: [f64; 3] }
+
+/// Code of the reason that less of the scan than asked is within the tolerance.
+pub const SCAN_NOT_WITHIN: &str = "scan-not-within";
 
 /// How good a surface is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -101,7 +99,7 @@ impl Thresholds {
     }
 
     /// Why a surface is not good; nothing if it is.
-    pub fn reasons(&self, deviation: &Deviation, crossings: &Crossings) -> Vec<Reason> {
+    pub fn reasons(&self, deviation: &Deviation) -> Vec<Reason> {
         let mut reasons = Vec::new();
         let mut add = |code, verdict, figure: f64, limit: f64, place, text: String| {
             reasons.push(Reason { code, verdict, text, figure, limit, place });
@@ -118,7 +116,7 @@ impl Thresholds {
                 100.0 * self.within,
                 to_surface.max / tolerance
             );
-            add("scan-not-within", Verdict::Failed, to_surface.within, least, Some(to_surface.place), text);
+            add(SCAN_NOT_WITHIN, Verdict::Failed, to_surface.within, least, Some(to_surface.place), text);
         }
         let to_scan = &deviation.surface_to_scan;
         if deviation.scan == "mesh" && !self.is_within(to_scan.within) {
@@ -145,11 +143,6 @@ impl Thresholds {
                 to_scan.max / tolerance
             );
             add("swings-out", Verdict::Failed, deviation.box_ratio, self.box_ratio, Some(to_scan.place), text);
-        }
-        if crossings.count > self.crossings {
-            let text = format!("the surface crosses itself in {} places", crossings.count);
-            let place = crossings.places.first().map(|crossing| crossing.place);
-            add("crosses-itself", Verdict::Failed, crossings.count as f64, self.crossings as f64, place, text);
         }
         if let Some(folded) = deviation.folded.filter(|&folded| folded > self.folded) {
             let text = format!("{:.2} % of the surface's area are folded over", 100.0 * folded);

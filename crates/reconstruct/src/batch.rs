@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use deviation::{Reason, Verdict};
 use serde::Serialize;
 
 use crate::output::{check_parameter_format, is_directory, part_name};
@@ -57,8 +58,12 @@ pub struct PartResult {
 pub enum PartOutcome {
     /// Fitted and written; `stop` says whether the tolerance was reached.
     Fitted {
-        /// Whether the tolerance was reached.
+        /// Whether the verdict is better than `failed`.
         reached: bool,
+        /// How good the surface is.
+        verdict: Verdict,
+        /// Why it is not good.
+        reasons: Vec<Reason>,
         /// Why the loop ended.
         stop: &'static str,
         /// Control points.
@@ -174,6 +179,8 @@ fn fit_part(
             outputs: outputs.files.iter().chain(&outputs.report).cloned().collect(),
             outcome: PartOutcome::Fitted {
                 reached: report.result.reached,
+                verdict: report.result.verdict,
+                reasons: report.result.reasons,
                 stop: report.result.stop,
                 dofs: report.result.dofs,
                 levels: report.result.levels,

@@ -17,6 +17,9 @@ pub enum Error {
     /// A model could not be read or written.
     #[error(transparent)]
     Model(#[from] geom_io::ModelError),
+    /// A surface could not be measured.
+    #[error(transparent)]
+    Deviation(#[from] deviation::Error),
     /// The points cannot be fitted, or the mesh is no disk.
     #[error(transparent)]
     Cloud(#[from] point_cloud::CloudError),

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use adaptive::Stop;
+use deviation::{Thresholds, Verdict};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2, Axis};
 use point_cloud::{BoundingBox, loop_length};
@@ -55,13 +55,12 @@ pub struct Fit {
     pub holes: Vec<Array2<f64>>,
     /// Whether the face normal is opposite to `S_u × S_v`.
     pub reversed: bool,
-    stop: Stop,
 }
 
 impl Fit {
-    /// Whether the asked share of points is within the tolerance.
+    /// Whether the surface is near the scan as asked, and can be worked with.
     pub fn reached(&self) -> bool {
-        self.stop == Stop::ToleranceReached
+        self.report.result.reached
     }
 
     /// The surface.
@@ -120,10 +119,12 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         weights: laid_out.weights.as_ref().map(|w| w.view()),
         rows: &laid_out.rows,
         triangles: &laid_out.triangles,
+        is_mesh: laid_out.is_mesh,
+        is_given: laid_out.report.method == "given",
         tolerance,
         diagonal,
     };
-    let Attempt { method, fitted, dhd, hsd, creases } = fitting::fit(&problem, &space, options, watch)?;
+    let Attempt { method, fitted, dhd, hsd, creases, judgement } = fitting::fit(&problem, &space, options, watch)?;
     let Fitted {
         map, stop, failure, history: iterations, moves, quasi, reweighting, parameters, errors, lambda, ..
     } = fitted;
@@ -181,6 +182,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         warnings.extend(found.warnings);
     }
     let last = iterations[iterations.len() - 1];
+    let verdict = judgement.verdict();
     let deviation = last.deviation;
     let report = Report {
         schema: 1,
@@ -212,7 +214,11 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             creases,
             seconds: start.elapsed().as_secs_f64(),
             stop: stop.name(),
-            reached: stop == Stop::ToleranceReached,
+            reached: verdict < Verdict::Failed,
+            verdict,
+            reasons: judgement.reasons,
+            thresholds: Thresholds { within: options.within, ..Thresholds::default() },
+            deviation: judgement.deviation,
             reweighting,
             sides: sides(&map)?,
             trimmed: options.trim_holes.then_some(holes.len()),
@@ -223,7 +229,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let mut model = Model::surface(map, options.units);
     model.metadata.insert("source".into(), name.into());
     let reversed = laid_out.reversed != options.flip;
-    Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed, stop })
+    Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed })
 }
 
 /// Share of the cells whose middle is within [`RIM`] of a side of the domain.

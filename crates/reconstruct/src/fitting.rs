@@ -11,8 +11,10 @@ use param_classic::triangulate_parameters;
 use point_cloud::LocalFrames;
 use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
 
+use crate::densify::{densify, weights as area_weights};
 use crate::fit::SAMPLES;
-use crate::options::{BlendChoice, LambdaChoice, Method};
+use crate::judge::{Judge, Judged, Judgement};
+use crate::options::{BlendChoice, LambdaChoice, Method, Samples};
 use crate::quasi::{self, QuasiReport};
 use crate::reweighting::{self, ReweightingReport};
 use crate::{Error, Event, FitOptions, Watch};
@@ -117,6 +119,8 @@ pub(crate) struct Attempt {
     pub(crate) hsd: f64,
     /// Share of neighbouring samples of the surface between which its normal turns by more than a right angle.
     pub(crate) creases: f64,
+    /// How the surface lies on the scan.
+    pub(crate) judgement: Judgement,
 }
 
 impl Attempt {
@@ -128,7 +132,8 @@ impl Attempt {
     /// Better is what stays near the points without creases, then what has the asked share of the points within the tolerance,
     /// then what comes closest to that.
     fn rank(&self, far: f64, creased: f64, asked: f64) -> (bool, f64) {
-        (self.hsd <= far && self.creases <= creased, self.within().min(asked))
+        let is_smooth = self.hsd <= far && self.creases <= creased && self.judgement.is_sound();
+        (is_smooth, self.within().min(asked))
     }
 
     fn dofs(&self) -> usize {
@@ -146,6 +151,10 @@ pub(crate) struct Problem<'a> {
     pub(crate) rows: &'a [u32],
     /// Triangles over the points that may not turn over in the parameter plane.
     pub(crate) triangles: &'a [[u32; 3]],
+    /// Whether they are the scan, and not spanned over its points.
+    pub(crate) is_mesh: bool,
+    /// Whether the parameters are the user's: then the errors of points are those at their parameters.
+    pub(crate) is_given: bool,
     pub(crate) tolerance: f64,
     /// Diagonal of the bounding box of the points.
     pub(crate) diagonal: f64,
@@ -161,25 +170,94 @@ pub(crate) fn fit(
     match Heard::among(problem) {
         // Weights that follow the errors have their own rule for what counts.
         Some(heard) if !options.reweighting.is_asked_for() => {
-            let found = fit_all(&heard.problem(problem), space, options, watch)?;
+            let found = fit_scan(&heard.problem(problem), space, options, watch)?;
             Ok(Attempt { fitted: heard.spread(found.fitted, problem)?, ..found })
         }
-        _ => fit_all(problem, space, options, watch),
+        _ => fit_scan(problem, space, options, watch),
     }
 }
 
-/// Fits all points. Where the method is left to us, parameters move where that spares control points and does no harm.
-fn fit_all(
+/// Fits what was scanned: of a mesh its area, by further points on long triangles and weights by area, unless the vertices alone are
+/// asked for.
+fn fit_scan(
     problem: &Problem<'_>,
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Attempt, Error> {
-    let _ = watch(Event::Step("fitting"));
-    if options.method != Method::Auto {
-        return attempt(options.method, &JOINT, problem, space, options, watch);
+    let places = rows_of(problem.points);
+    let triangles = Some(problem.triangles).filter(|_| problem.is_mesh);
+    let judge = Judge::new(&places, triangles, problem.tolerance, options.within)?;
+    let by_points = problem.is_given || options.samples == Samples::Vertices || options.reweighting.is_asked_for();
+    let dense = judge
+        .scan()
+        .curved()
+        .filter(|_| !by_points)
+        .and_then(|curved| densify(curved, problem.parameters, space.periodic()));
+    let m = problem.points.nrows();
+    let loop_judge = (!by_points).then_some(&judge);
+    let Some(dense) = dense else {
+        let by_area = Some(area_weights(&places, problem.triangles)).filter(|_| problem.is_mesh && !by_points);
+        let weights = by_area.map(|by_area| weighted(Array1::from(by_area), problem.weights));
+        let weighted = Problem { weights: weights.as_ref().map_or(problem.weights, |w| Some(w.view())), ..*problem };
+        return fit_all(&weighted, &judge, loop_judge, space, options, watch);
+    };
+    // An added point is as sure as the mean one.
+    let confidence = problem.weights.map(|given| {
+        let mean = given.mean().unwrap_or(1.0);
+        Array1::from_shape_fn(dense.points.nrows(), |i| if i < m { given[i] } else { mean })
+    });
+    let weights = weighted(dense.weights, confidence.as_ref().map(|w| w.view()));
+    let rows: Vec<u32> = (0..dense.points.nrows()).map(|i| problem.rows.get(i).copied().unwrap_or(u32::MAX)).collect();
+    let denser = Problem {
+        points: dense.points.view(),
+        parameters: dense.parameters.view(),
+        weights: Some(weights.view()),
+        rows: &rows,
+        triangles: &dense.triangles,
+        ..*problem
+    };
+    // No more control points than points of the scan.
+    let most = Some(options.max_dofs.unwrap_or(m));
+    let found = fit_all(&denser, &judge, loop_judge, space, &FitOptions { max_dofs: most, ..options.clone() }, watch)?;
+    let fitted = Fitted {
+        parameters: found.fitted.parameters.slice_axis(Axis(0), (..m).into()).to_owned(),
+        errors: found.fitted.errors.slice_axis(Axis(0), (..m).into()).to_owned(),
+        ..found.fitted
+    };
+    Ok(Attempt { fitted, ..found })
+}
+
+/// Weights, multiplied by those that points have already.
+fn weighted(weights: Array1<f64>, given: Option<ArrayView1<'_, f64>>) -> Array1<f64> {
+    match given {
+        Some(given) => weights * given,
+        None => weights,
     }
-    let fixed = attempt(Method::Ls, &JOINT, problem, space, options, watch)?;
+}
+
+/// Points in space as plain arrays.
+fn rows_of(points: ArrayView2<'_, f64>) -> Vec<[f64; 3]> {
+    points.outer_iter().map(|row| std::array::from_fn(|k| row[k])).collect()
+}
+
+/// Fits all points. Where the method is left to us, parameters move where that spares control points and does no harm.
+fn fit_all(
+    problem: &Problem<'_>,
+    judge: &Judge<'_>,
+    loop_judge: Option<&Judge<'_>>,
+    space: &Arc<HierarchicalSpace<2>>,
+    options: &FitOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Attempt, Error> {
+    let _ = watch(Event::Step("fitting"));
+    let attempt = |method, joint: &JointOptions, options: &FitOptions, watch: &mut Watch<'_>| {
+        attempt(method, joint, problem, judge, loop_judge, space, options, watch)
+    };
+    if options.method != Method::Auto {
+        return attempt(options.method, &JOINT, options, watch);
+    }
+    let fixed = attempt(Method::Ls, &JOINT, options, watch)?;
     let reached = fixed.fitted.stop == Stop::ToleranceReached;
     let coarsest = fixed.dofs() == space.n_functions() && reached;
     if coarsest || fixed.fitted.stop == Stop::Interrupted || options.reweighting.is_asked_for() {
@@ -203,7 +281,7 @@ fn fit_all(
     let mut best = fixed;
     for (moving, step) in tries.into_iter().take(1 + usize::from(may_be_softer)) {
         let _ = watch(Event::Step(step));
-        let other = attempt(Method::Joint, &JOINT, problem, space, moving, watch)?;
+        let other = attempt(Method::Joint, &JOINT, moving, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
         let close = is_close(&other);
@@ -221,7 +299,7 @@ fn fit_all(
         let fewer = enough
             .map(|enough| if there { enough.min((FREELY_WORTHWHILE * best.dofs() as f64) as usize) } else { enough });
         let freely = FitOptions { max_dofs: fewer, ..moving };
-        let other = attempt(Method::Joint, &FREE, problem, space, &freely, watch)?;
+        let other = attempt(Method::Joint, &FREE, &freely, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
         if is_close(&other) || now > before {
@@ -263,6 +341,8 @@ fn attempt(
     method: Method,
     joint: &JointOptions,
     problem: &Problem<'_>,
+    judge: &Judge<'_>,
+    loop_judge: Option<&Judge<'_>>,
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
     watch: &mut Watch<'_>,
@@ -271,11 +351,11 @@ fn attempt(
     let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
     let fitted = match (method, moving_method(method, joint, problem, options)?) {
         (Method::Qi | Method::AQi, _) => quasi::fit(method, problem, space, options, &rules, &mut observer)?,
-        (_, Some(moving)) => moving_parameters(moving, problem, space, options, &rules, &mut observer)?,
+        (_, Some(moving)) => moving_parameters(moving, problem, loop_judge, space, options, &rules, &mut observer)?,
         (_, None) if options.reweighting.is_asked_for() => {
             reweighting::fit(problem, space, options, &rules, &mut observer)?
         }
-        (_, None) => fixed_parameters(problem, space, options, &rules, &mut observer)?,
+        (_, None) => fixed_parameters(problem, loop_judge, space, options, &rules, &mut observer)?,
     };
     let _ = watch(Event::Step("measuring the surface"));
     // The surface need not come near points that count for nothing.
@@ -288,7 +368,34 @@ fn attempt(
     let dhd = directed_hausdorff(&fitted.map, parameters, points)?;
     let hsd = dhd.max(map_to_points(&fitted.map, points, SAMPLES)?);
     let creases = creases(&fitted.map, CREASE_SAMPLES)?;
-    Ok(Attempt { method, fitted, dhd, hsd, creases })
+    let judgement = judgement(problem, judge, kept.as_deref(), &fitted, options.within)?;
+    Ok(Attempt { method, fitted, dhd, hsd, creases, judgement })
+}
+
+/// How a surface lies on what counts of the scan.
+fn judgement(
+    problem: &Problem<'_>,
+    judge: &Judge<'_>,
+    kept: Option<&[usize]>,
+    fitted: &Fitted,
+    within: f64,
+) -> Result<Judgement, Error> {
+    let Some(kept) = kept.filter(|kept| kept.len() < problem.points.nrows()) else {
+        return judge.judge(&fitted.map, Some(fitted.parameters.slice_axis(Axis(0), (..judge.scan().len()).into())));
+    };
+    let places = rows_of(problem.points.select(Axis(0), kept).view());
+    let among = triangles_among(problem.triangles, kept, problem.points.nrows());
+    let triangles = Some(among.as_slice()).filter(|among| problem.is_mesh && !among.is_empty());
+    let parameters = fitted.parameters.select(Axis(0), kept);
+    Judge::new(&places, triangles, problem.tolerance, within)?.judge(&fitted.map, Some(parameters.view()))
+}
+
+/// The triangles of which all corners are among some points, by their places there.
+fn triangles_among(triangles: &[[u32; 3]], kept: &[usize], points: usize) -> Vec<[u32; 3]> {
+    let mut place = vec![None; points];
+    kept.iter().enumerate().for_each(|(at, &i)| place[i] = Some(at as u32));
+    let among = |t: &[u32; 3]| Some([place[t[0] as usize]?, place[t[1] as usize]?, place[t[2] as usize]?]);
+    triangles.iter().filter_map(among).collect()
 }
 
 /// The points that count where others have no confidence at all: those neither pull the surface nor ask for refinement.
@@ -311,15 +418,12 @@ impl Heard {
         if kept.len() == weights.len() {
             return None;
         }
-        let mut place = vec![None; weights.len()];
-        kept.iter().enumerate().for_each(|(at, &i)| place[i] = Some(at as u32));
-        let among = |t: &[u32; 3]| Some([place[t[0] as usize]?, place[t[1] as usize]?, place[t[2] as usize]?]);
         Some(Self {
             points: problem.points.select(Axis(0), &kept),
             parameters: problem.parameters.select(Axis(0), &kept),
             weights: weights.select(Axis(0), &kept),
             rows: kept.iter().map(|&i| problem.rows[i]).collect(),
-            triangles: problem.triangles.iter().filter_map(among).collect(),
+            triangles: triangles_among(problem.triangles, &kept, weights.len()),
             kept,
         })
     }
@@ -356,14 +460,17 @@ pub(crate) fn least_squares_options(problem: &Problem<'_>, options: &FitOptions)
 
 fn fixed_parameters(
     problem: &Problem<'_>,
+    judge: Option<&Judge<'_>>,
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
     rules: &adaptive::Options<2>,
     observer: &mut dyn Observer,
 ) -> Result<Fitted, Error> {
     let fitting = least_squares_options(problem, options);
-    let mut solver = LeastSquares::new(problem.parameters, problem.points, problem.weights, fitting)?;
-    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
+    let solver = LeastSquares::new(problem.parameters, problem.points, problem.weights, fitting)?;
+    let mut judged = Judged::new(solver, judge, rules.within);
+    let Outcome { map, stop, failure, history, .. } = run(&mut judged, space.clone(), rules, observer)?;
+    let mut solver = judged.method;
     let sorted = solver.distances(&map)?.to_vec();
     Ok(Fitted {
         errors: solver.points().as_given(&sorted).into(),
@@ -383,6 +490,7 @@ fn fixed_parameters(
 fn moving_parameters(
     method: moving_param::Method,
     problem: &Problem<'_>,
+    judge: Option<&Judge<'_>>,
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
     rules: &adaptive::Options<2>,
@@ -403,7 +511,9 @@ fn moving_parameters(
         // No triangles of the scan, whose folding would mean something; but they hold the surface.
         solver = solver.with_centres(&triangles);
     }
-    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
+    let mut judged = Judged::new(solver, judge, rules.within);
+    let Outcome { map, stop, failure, history, .. } = run(&mut judged, space.clone(), rules, observer)?;
+    let solver = judged.method;
     let parameters = solver.parameters();
     Ok(Fitted {
         errors: errors_at(&map, &parameters, problem.points)?,

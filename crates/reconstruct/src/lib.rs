@@ -25,10 +25,12 @@
 mod batch;
 mod clean;
 mod curve;
+mod densify;
 mod error;
 mod fit;
 mod fitting;
 mod inspect;
+mod judge;
 mod mesh;
 mod options;
 mod output;
@@ -46,12 +48,14 @@ pub use curve::{
     ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveOptions, CurveParameters, CurveReport,
     CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file, fit_sequence, write_curve,
 };
+pub use deviation::{Deviation, Reason, Thresholds, Verdict};
 pub use error::Error;
 pub use fit::{Fit, fit_file, fit_scan};
 pub use fitting::JOINT;
 pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
 pub use options::{
-    BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Tolerance,
+    BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Samples,
+    Tolerance,
 };
 pub use output::{OutputPaths, write_outputs, write_parameters, write_report, write_text};
 pub use parameter_options::{

@@ -41,8 +41,10 @@ pub struct FitOptions {
     pub lambda: LambdaChoice,
     /// Largest distance of a point that counts as within tolerance.
     pub tol: Tolerance,
-    /// The share of points that must be within the tolerance.
+    /// The share of the scan's area that must be within the tolerance.
     pub within: f64,
+    /// What of a mesh is fitted.
+    pub samples: Samples,
     /// Largest number of levels, level 0 included.
     pub levels: usize,
     /// Largest number of control points of the hierarchical surface; `None` for the number of points.
@@ -87,6 +89,7 @@ impl Default for FitOptions {
             lambda: LambdaChoice::Auto,
             tol: Tolerance::Percent(0.1),
             within: 0.95,
+            samples: Samples::Area,
             levels: 7,
             max_dofs: None,
             max_step_control_points: 20_000,
@@ -198,7 +201,7 @@ macro_rules! serialize_as_typed {
     )*};
 }
 pub(crate) use serialize_as_typed;
-serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy);
+serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy, Samples);
 
 pub(crate) fn unit_name<S: Serializer>(unit: &LengthUnit, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(unit.name())
@@ -318,6 +321,14 @@ named!(
     Exact = "exact",
     /// With as many Gauss nodes per direction as the degree, as G+Smo does.
     GaussP = "gauss-p"
+);
+named!(
+    /// What of a mesh is fitted.
+    Samples, "area or vertices",
+    /// Its area: long triangles get further points, and points weigh as much as the area round them.
+    Area = "area",
+    /// Its vertices, all alike, at their parameters.
+    Vertices = "vertices"
 );
 impl Energy {
     pub(crate) fn quadrature(self) -> Quadrature {

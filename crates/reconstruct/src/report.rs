@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use adaptive::Iteration;
+use deviation::{Deviation, Reason, Thresholds, Verdict};
 use moving_param::Moves;
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
@@ -92,13 +93,14 @@ pub struct ResultReport {
     pub levels: usize,
     /// Cells of the mesh.
     pub cells: usize,
-    /// Largest distance of a point to the surface at its parameters, in the units of the input.
+    /// Largest distance of a fitted point to the surface in the last iteration, in the units of the input: to the closest point near
+    /// its parameters, or at its parameters where those are given or `--samples vertices` is asked for.
     pub max: f64,
     /// Mean of the squared distances.
     pub mse: f64,
     /// Its root.
     pub rmse: f64,
-    /// Share of the points within the tolerance.
+    /// Share of the fitted points within the tolerance.
     pub within: f64,
     /// The tolerance in the units of the input.
     pub tolerance: f64,
@@ -115,8 +117,16 @@ pub struct ResultReport {
     pub seconds: f64,
     /// Why the loop ended: tolerance, levels, too-few-points, max-dofs, stagnation, iterations, interrupted, failed.
     pub stop: &'static str,
-    /// Whether the asked share of points is within the tolerance.
+    /// Whether the verdict is better than `failed`.
     pub reached: bool,
+    /// How good the surface is.
+    pub verdict: Verdict,
+    /// Why it is not good; empty if it is.
+    pub reasons: Vec<Reason>,
+    /// The limits that the verdict went by.
+    pub thresholds: Thresholds,
+    /// How the surface lies on the scan.
+    pub deviation: Deviation,
     /// What came of robust losses and markers; absent without.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reweighting: Option<ReweightingReport>,

@@ -132,6 +132,7 @@ pub(super) fn lay_out(
         network: part.network,
         warnings: part.warnings,
         reversed: false,
+        is_mesh: false,
         is_height_field: false,
     })
 }

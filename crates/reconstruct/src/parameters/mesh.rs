@@ -35,6 +35,7 @@ pub(super) fn lay_out_or_take_vertices(
             };
             let mut layout = map(disk, choice, corners, options, watch).map_err(|error| error.of_rows(&kept))?;
             layout.of_rows(&kept);
+            layout.is_mesh = true;
             warnings.append(&mut layout.warnings);
             layout.warnings = warnings;
             return Ok(layout);

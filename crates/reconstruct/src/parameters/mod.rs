@@ -44,6 +44,8 @@ pub struct Parameterized {
     pub rows: Vec<u32>,
     /// Triangles over the points: those of a mesh, or of one spanned over (a subset of) a cloud; empty if there are none.
     pub triangles: Vec<[u32; 3]>,
+    /// Whether these triangles are the scan, and not spanned over its points.
+    pub is_mesh: bool,
     /// The points of the outer boundary in order; empty where it was not needed.
     pub boundary: Vec<u32>,
     /// The points round each hole that was found, in order, in the order of the holes of the report.
@@ -66,6 +68,8 @@ struct Layout {
     /// Row of each point among those that were to be laid out.
     rows: Vec<u32>,
     triangles: Vec<[u32; 3]>,
+    /// Whether these triangles are those of the scan.
+    is_mesh: bool,
     boundary: Vec<u32>,
     holes: Vec<HoleReport>,
     /// The points round each of them.
@@ -134,7 +138,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     report.seconds = start.elapsed().as_secs_f64();
     let weights = confidence.map(|all| layout.rows.iter().map(|&row| all[row as usize]).collect());
     let rows = (0..layout.rows.len() as u32).map(in_file).collect();
-    let Layout { points, parameters, triangles, boundary, rims, reversed, .. } = layout;
+    let Layout { points, parameters, triangles, is_mesh, boundary, rims, reversed, .. } = layout;
     let closed = options.closed.directions();
     Ok(Parameterized {
         points,
@@ -142,6 +146,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         weights,
         rows,
         triangles,
+        is_mesh,
         boundary,
         rims,
         reversed,
@@ -245,6 +250,7 @@ fn as_they_are(
             triangles.iter_mut().for_each(|t| t.swap(1, 2));
         }
         layout.triangles = triangles;
+        layout.is_mesh = true;
     }
     layout
 }
