@@ -281,10 +281,10 @@ impl<'a> Measured<'a> {
         let turned = parts.iter().map(|part| part.area * part.cosine).sum::<f64>() < 0.0;
         let sign = if turned { -1.0 } else { 1.0 };
         let angles = parts.iter().map(|p| ((sign * p.cosine).clamp(-1.0, 1.0).acos().to_degrees(), p.area, p.place));
-        let signed: f64 = parts.iter().map(|p| -p.area * p.foot.distance.copysign(p.side)).sum();
+        let signed = sum(parts.iter().map(|p| p.area * p.foot.distance.copysign(p.side)));
         ScanSide {
             facets: Some(summary(parts.iter().map(|p| (p.foot.distance, p.area, p.place)), tolerance)),
-            signed_mean: Some(-signed / mesh.area),
+            signed_mean: Some(signed / mesh.area),
             normal_angles: Some(summary(angles, ACROSS_DEGREES)),
             ..side(&parts, &reach, tolerance, thresholds)
         }
@@ -371,21 +371,16 @@ impl<'a> Measured<'a> {
         let turned = found.iter().map(|f| f.area * f.cosine).sum::<f64>() < 0.0;
         let sign = if turned { -1.0 } else { 1.0 };
         let around = ASKED_AROUND * tolerance;
-        let folded: f64 = inside
-            .par_iter()
-            .filter(|f| {
-                sign * f.cosine < 0.0 && !mesh.has_like_normal(f.place, f.facet + around, scale(sign, f.normal))
-            })
-            .map(|f| f.area)
-            .collect::<Vec<_>>()
-            .iter()
-            .sum();
+        let is_folded = |f: &Found| {
+            sign * f.cosine < 0.0 && !mesh.has_like_normal(f.place, f.facet + around, scale(sign, f.normal))
+        };
+        let folded: Vec<f64> = inside.par_iter().map(|f| if is_folded(f) { f.area } else { 0.0 }).collect();
         SurfaceSide {
             distances: summary(inside.iter().map(|f| (f.band, f.area, f.place)), tolerance),
             facets: Some(summary(inside.iter().map(|f| (f.facet, f.area, f.place)), tolerance)),
-            beyond_outline: if area > 0.0 { 1.0 - inner / area } else { 0.0 },
+            beyond_outline: if area > 0.0 { (1.0 - inner / area).max(0.0) } else { 0.0 },
             area,
-            folded: (area > 0.0).then(|| folded / area),
+            folded: (area > 0.0).then(|| sum(folded.into_iter()) / area),
         }
     }
 
@@ -397,7 +392,7 @@ impl<'a> Measured<'a> {
         let found = self.parts(&part);
         let area: f64 = found.iter().map(|f| f.1).sum();
         // Where no point is within two spacings the surface spans a void or reaches beyond the outline.
-        let beyond: f64 = found.iter().filter(|f| f.0 > 0.5 * f.3 && f.0 > tolerance).map(|f| f.1).sum();
+        let beyond = sum(found.iter().filter(|f| f.0 > 0.5 * f.3 && f.0 > tolerance).map(|f| f.1));
         SurfaceSide {
             distances: summary(found.iter().map(|f| (f.0, f.1, f.2)), tolerance),
             facets: None,
@@ -435,8 +430,8 @@ struct SurfaceSide {
 }
 
 fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds: &Thresholds) -> ScanSide {
-    let total: f64 = parts.iter().map(|part| part.area).sum();
-    let beyond: f64 = parts.iter().filter(|part| part.beyond_rim).map(|part| part.area).sum();
+    let total = sum(parts.iter().map(|part| part.area));
+    let beyond = sum(parts.iter().filter(|part| part.beyond_rim).map(|part| part.area));
     let missing: Vec<&Part> = parts.iter().filter(|part| part.distance > tolerance).collect();
     let nodes: Vec<Node> = missing
         .iter()
@@ -461,6 +456,11 @@ fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds
     }
 }
 
+/// The sum of numbers; zero, not −0, of none.
+fn sum(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.fold(0.0, |sum, x| sum + x)
+}
+
 /// Statistics of distances with their weights and places.
 fn summary(found: impl Iterator<Item = (f64, f64, [f64; 3])> + Clone, tolerance: f64) -> Distances {
     let worst = found.clone().max_by(|a, b| a.0.total_cmp(&b.0)).map_or([0.0; 3], |worst| worst.2);
@@ -477,3 +477,6 @@ fn interpolate(corners: [Option<[f64; 2]>; 3], w: [f64; 3], periods: [Option<f64
     let at = |d: usize| w[0] * a[d] + w[1] * b[d] + w[2] * c[d];
     (!crosses(0) && !crosses(1)).then(|| [at(0), at(1)])
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use deviation::{Deviation, Thresholds};
 use fit_ls::map_to_points;
 use geom_io::{
     Geometry, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions, WriteOptions,
     read_model, read_scan, write_mesh, write_model,
 };
 use ndarray::{Array2, Axis};
-use point_cloud::BoundingBox;
+use point_cloud::{BoundingBox, TriangleMesh, merge_duplicate_vertices};
 use rayon::prelude::*;
 use serde::Serialize;
 use thb_core::{CellSpace, ClosestPoints, SplineMap};
@@ -38,6 +39,8 @@ pub struct Comparison {
     pub within: f64,
     /// Largest distance at the points' own parameters, where the cloud has parameters in the model's domain.
     pub max_at_parameters: Option<f64>,
+    /// How the surface lies on the scan: its triangles where the file has some.
+    pub deviation: Deviation,
 }
 
 /// Compares a cloud, read as `read` says, with a model: distances of its points to their closest points on the surface.
@@ -61,8 +64,9 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
     let search = ClosestPoints::new(map.bezier().clone())?;
     let rows: Vec<Vec<f64>> = points.outer_iter().map(|row| row.to_vec()).collect();
     let distances: Vec<f64> = rows.par_iter().map(|row| search.closest(row).distance).collect();
-    let deviation = adaptive::Deviation::new(&distances, tolerance);
-    let hsd = deviation.max.max(map_to_points(&map, points.view(), SAMPLES)?);
+    let of_points = adaptive::Deviation::new(&distances, tolerance);
+    let hsd = of_points.max.max(map_to_points(&map, points.view(), SAMPLES)?);
+    let deviation = measured(&map, &points, scan.triangles, tolerance)?;
     let max_at_parameters = match scan.cloud.parameters {
         Some(parameters) if parameters.ncols() == 2 => {
             map.eval_batch(parameters.view()).ok().map(|image| largest_distance(&image, &points))
@@ -70,16 +74,37 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
         _ => None,
     };
     Ok(Comparison {
-        points: deviation.points,
-        dhd: deviation.max,
+        points: of_points.points,
+        dhd: of_points.max,
         hsd,
         mean: distances.iter().sum::<f64>() / distances.len().max(1) as f64,
-        mse: deviation.mse,
-        rmse: deviation.rmse(),
+        mse: of_points.mse,
+        rmse: of_points.rmse(),
         tolerance,
-        within: deviation.within,
+        within: of_points.within,
         max_at_parameters,
+        deviation,
     })
+}
+
+/// How a surface lies on points, or on the triangles over them.
+fn measured(
+    map: &SplineMap<2>,
+    points: &Array2<f64>,
+    triangles: Option<Vec<[u32; 3]>>,
+    tolerance: f64,
+) -> Result<Deviation, Error> {
+    // Where triangles have corners of their own, equal ones are one: rims would be everywhere.
+    let mesh = triangles.map(|triangles| merge_duplicate_vertices(&TriangleMesh { vertices: points.clone(), triangles }).0);
+    let places = |points: &Array2<f64>| -> Vec<[f64; 3]> {
+        points.outer_iter().map(|row| std::array::from_fn(|k| row[k])).collect()
+    };
+    let places = mesh.as_ref().map_or_else(|| places(points), |mesh| places(&mesh.vertices));
+    let scan = match &mesh {
+        Some(mesh) => deviation::Scan::mesh(&places, &mesh.triangles)?,
+        None => deviation::Scan::cloud(&places)?,
+    };
+    Ok(deviation::measure(map, &scan, None, tolerance, &Thresholds::default())?)
 }
 
 fn largest_distance(a: &Array2<f64>, b: &Array2<f64>) -> f64 {

@@ -145,7 +145,7 @@ where
         let ((lower, upper), periodic) = (space.domain(), space.periodic());
         for (at, u) in feet.parameters.iter().enumerate() {
             let on_rim = (0..2).any(|d| !periodic[d] && (u[d] <= lower[d] || u[d] >= upper[d]));
-            if on_rim && distances[at] > judge.tolerance {
+            if on_rim {
                 let offset: [f64; 3] = std::array::from_fn(|k| points.coordinates(k)[at]);
                 distances[at] = deviation::distance_across(map, feet.cells[at] as usize, *u, offset);
             }
