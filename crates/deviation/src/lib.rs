@@ -4,10 +4,12 @@
 //! Everything is measured on a [`Tessellation`] of the surface with a known chord error. This crate knows surfaces, curves,
 //! points and triangles; it does not know how they were fitted.
 
+mod crossings;
 mod error;
 mod tessellation;
 #[cfg(test)]
 mod testing;
 
+pub use crossings::{Crossing, Crossings, self_crossings};
 pub use error::Error;
 pub use tessellation::Tessellation;
