@@ -30,6 +30,9 @@ pub enum Error {
         /// Number needed.
         expected: usize,
     },
+    /// A parameter of the surface's space.
+    #[error(transparent)]
+    Space(#[from] thb_core::Error),
     /// A surface without any extent has no area to measure.
     #[error("the surface has no area: all its triangles are degenerate")]
     NoArea,

@@ -5,6 +5,7 @@
 //! are measured on a [`Tessellation`] with a known chord error. This crate knows surfaces, curves, points and triangles; it does not
 //! know how they were fitted.
 
+mod crossings;
 mod curved;
 mod distances;
 mod error;
@@ -17,6 +18,7 @@ mod tessellation;
 mod testing;
 mod verdict;
 
+pub use crossings::{Crossing, Crossings, self_crossings};
 pub use curved::{CREASE_DEGREES, CurvedTriangles};
 pub use distances::Distances;
 pub use error::Error;

@@ -9,7 +9,7 @@ use thb_core::SplineMap;
 use crate::gathered::Node;
 use crate::scan::{Cloud, Kind, Mesh, diagonal, for_each_part};
 use crate::search::{Foot, SurfaceSearch};
-use crate::{Distances, Error, Gathered, Scan, Tessellation, Thresholds};
+use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, self_crossings};
 
 /// Widening of the band between facet and curved triangle: the curved one is no exact surface either.
 ///
@@ -36,6 +36,14 @@ const BETWEEN: f64 = 0.1;
 ///
 /// Derived: a twentieth of the tolerance changes a share of the area by a few 10⁻³ at most.
 const CHORD: f64 = 0.05;
+
+/// Depth, in tolerances, from which on a surface passes through itself, and does not only touch itself.
+///
+/// Derived: twice the chord error of the triangles among which crossings are sought.
+const CROSSING_DEPTH: f64 = 2.0 * CHORD;
+
+/// Crossings that a report lists.
+const LISTED_CROSSINGS: usize = 10;
 
 /// Chord error in diagonals of the surface's box that is asked at least, however small the tolerance.
 ///
@@ -109,6 +117,8 @@ pub struct Deviation {
     /// Share of the surface's area whose normal is more than a right angle from those of the scan around it; `null` for a cloud
     /// without triangles.
     pub folded: Option<f64>,
+    /// Places where the surface passes through itself.
+    pub crossings: Crossings,
 }
 
 /// A place of the scan beyond the tolerance, and where the surface is nearest to it.
@@ -147,6 +157,7 @@ pub struct ScanSide {
 
 /// A surface that is being measured: its triangles, and searches among them.
 pub struct Measured<'a> {
+    map: &'a SplineMap<2>,
     tessellation: &'a Tessellation,
     search: SurfaceSearch<'a>,
 }
@@ -174,7 +185,7 @@ pub fn measure(
     thresholds: &Thresholds,
 ) -> Result<Deviation, Error> {
     let tessellation = tessellate(map, tolerance)?;
-    Ok(Measured::new(map, &tessellation)?.against(scan, parameters, tolerance, thresholds))
+    Measured::new(map, &tessellation)?.against(scan, parameters, tolerance, thresholds)
 }
 
 impl<'a> Measured<'a> {
@@ -183,23 +194,30 @@ impl<'a> Measured<'a> {
     /// # Errors
     /// [`Error::NoArea`].
     pub fn new(map: &'a SplineMap<2>, tessellation: &'a Tessellation) -> Result<Self, Error> {
-        Ok(Self { tessellation, search: SurfaceSearch::new(map, tessellation)? })
+        Ok(Self { map, tessellation, search: SurfaceSearch::new(map, tessellation)? })
     }
 
     /// All measures.
+    ///
+    /// # Errors
+    /// [`Error::Space`].
     pub fn against(
         &self,
         scan: &Scan<'_>,
         parameters: Option<ArrayView2<'_, f64>>,
         tolerance: f64,
         thresholds: &Thresholds,
-    ) -> Deviation {
+    ) -> Result<Deviation, Error> {
         let from_scan = self.scan_side(scan, parameters, tolerance, thresholds);
         let from_surface = match &scan.kind {
             Kind::Mesh(mesh) => self.to_mesh(mesh, tolerance),
             Kind::Cloud(cloud) => self.to_cloud(cloud, tolerance),
         };
-        Deviation {
+        let depth = CROSSING_DEPTH * tolerance;
+        let mut crossings = self_crossings(self.map, self.tessellation, depth)?;
+        crossings.places.truncate(LISTED_CROSSINGS);
+        Ok(Deviation {
+            crossings,
             scan: if scan.is_mesh() { "mesh" } else { "cloud" },
             tolerance,
             scan_to_surface: from_scan.distances,
@@ -215,7 +233,7 @@ impl<'a> Measured<'a> {
             box_ratio: diagonal(&self.tessellation.vertices) / scan.diagonal(),
             area: from_surface.area,
             folded: from_surface.folded,
-        }
+        })
     }
 
     /// The measures from the scan to the surface alone.

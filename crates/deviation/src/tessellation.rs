@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use point_cloud::vec3::{cross, dot, scale, sub};
+use point_cloud::vec3::{cross, dot, norm, scale, sub};
 use rustc_hash::FxHashMap;
 use thb_core::{BezierMap, CellSpace, MAX_DEGREE, SplineMap, bernstein};
 
@@ -24,6 +24,17 @@ const MIN_SEGMENTS_OF_PERIOD: f64 = 3.0;
 /// Derived: the count is inversely proportional to the chord error, so a step drops less than a third of the vertices.
 const COARSER: f64 = std::f64::consts::SQRT_2;
 
+/// Sine of the angle between tangents below which they are taken as parallel.
+///
+/// Limit: tangents are known up to some 10⁻¹⁵ of the coordinates.
+const ROUND_OFF_OF_AREA: f64 = 1e-9;
+
+/// Share of the chord error by which halving one direction must gain more than halving the other, to be preferred though it is
+/// the shorter one.
+///
+/// Derived: a halving of either direction halves the part of the twist, and round-off is less than this.
+const SAME_GAIN: f64 = 1e-3;
+
 /// Triangles over a spline surface. Neighbouring cells share their vertices, so the triangles have no gaps; in periodic
 /// directions the last ones end at the first vertices.
 ///
@@ -43,12 +54,14 @@ pub struct Tessellation {
     pub triangles: Vec<[u32; 3]>,
     /// The cell of the space that each triangle lies in.
     pub cells: Vec<u32>,
-    /// Bound of the distance between the surface and the triangles of each cell of the space, at equal parameters.
+    /// Estimate of the largest distance between the surface and the triangles of each cell of the space.
     pub chords: Vec<f64>,
     /// The largest of them.
     pub chord: f64,
-    /// Length of the domain in periodic directions.
-    pub periods: [Option<f64>; 2],
+    /// Lower and upper corner of the domain.
+    pub domain: ([f64; 2], [f64; 2]),
+    /// The directions in which both ends of the domain are one place, the seam.
+    pub periodic: [bool; 2],
 }
 
 impl Tessellation {
@@ -56,9 +69,13 @@ impl Tessellation {
     /// reached is in [`Tessellation::chord`]. Corners of cells are always vertices, however many.
     ///
     /// For a triangle in a part of size `h × k`, with `|S_uu| ≤ a`, `|S_uv| ≤ b` and `|S_vv| ≤ c` there, the distance between
-    /// the surface and the triangle at the same parameters is at most `(a h² + 2 b h k + c k²) / 8`: Taylor's formula about the
-    /// parameters, averaged over the corners with their barycentric weights λ, where `Σ λ (u − ū)² ≤ h²/4`. The bounds of the
-    /// derivatives are those of their Bernstein coefficients.
+    /// the surface and the triangle at the same parameters is at most `E = (a h² + 2 b h k + c k²) / 8`: Taylor's formula about
+    /// the parameters, averaged over the corners with their barycentric weights λ, where `Σ λ (u − ū)² ≤ h²/4`. The bounds of
+    /// the derivatives are those of their Bernstein coefficients. `E` also has the way along the surface that an uneven speed
+    /// of the parameters makes; the distance from the nearest point has not. So where the normal `N` turns by τ across the part
+    /// it is estimated by the smaller of `E` and `(|S_uu · N| h² + 2 |S_uv · N| h k + |S_vv · N| k²) / 8 + τ E`, the second
+    /// fundamental form at samples. On the rim the surface has no point to either side: there the part of `S_uu` across the rim
+    /// counts.
     ///
     /// # Errors
     /// [`Error::Dimension`]; [`Error::Length`] for a chord that is not positive and finite.
@@ -69,7 +86,8 @@ impl Tessellation {
         if !(chord > 0.0 && chord.is_finite()) {
             return Err(Error::Length { what: "the chord error", given: chord });
         }
-        let bends: Vec<Bend> = (0..map.bezier().n_cells()).map(|cell| Bend::of(map, cell)).collect();
+        let tables = map.bezier().degree().map(sample_tables);
+        let bends: Vec<Bend> = (0..map.bezier().n_cells()).map(|cell| Bend::of(map, cell, &tables)).collect();
         let mut target = chord;
         loop {
             let halvings: Vec<[u8; 2]> = bends.iter().map(|bend| bend.halvings(target)).collect();
@@ -96,7 +114,10 @@ impl Tessellation {
     pub fn corner_parameters(&self, triangle: usize) -> [[f64; 2]; 3] {
         let mut corners = self.triangles[triangle].map(|v| self.parameters[v as usize]);
         for d in 0..2 {
-            let Some(period) = self.periods[d] else { continue };
+            if !self.periodic[d] {
+                continue;
+            }
+            let period = self.domain.1[d] - self.domain.0[d];
             let highest = corners.iter().map(|u| u[d]).fold(f64::NEG_INFINITY, f64::max);
             for u in &mut corners {
                 if highest - u[d] > 0.5 * period {
@@ -107,6 +128,16 @@ impl Tessellation {
         corners
     }
 
+    /// The parameters of a point of a triangle, in the domain.
+    pub fn parameters_at(&self, triangle: usize, barycentric: [f64; 3]) -> [f64; 2] {
+        let corners = self.corner_parameters(triangle);
+        std::array::from_fn(|d| {
+            let u: f64 = (0..3).map(|k| barycentric[k] * corners[k][d]).sum();
+            let (lower, upper) = (self.domain.0[d], self.domain.1[d]);
+            if self.periodic[d] && u >= upper { u - (upper - lower) } else { u.clamp(lower, upper) }
+        })
+    }
+
     /// Half the vector product of two sides: normal to the triangle, as long as its area, on the side of `S_u × S_v`.
     pub fn area_vector(&self, triangle: usize) -> [f64; 3] {
         let [p, q, r] = self.corners(triangle);
@@ -114,10 +145,20 @@ impl Tessellation {
     }
 }
 
-/// How a cell bends, in units of the cell.
+/// Samples per direction of the derivatives in a cell: its ends and its middle, where the second derivatives of quadratic and
+/// cubic polynomials are largest.
+const SAMPLES: usize = 3;
+
+/// How a cell bends, in units of the cell: bounds of derivatives from Bernstein coefficients, and largest values at samples.
 struct Bend {
     /// Bounds of `|S_uu| h²`, `|S_uv| h k` and `|S_vv| k²`.
     second: [f64; 3],
+    /// The same of `S_uu · N`, `S_uv · N` and `S_vv · N` with the unit normal `N`, at the samples.
+    normal: [f64; 3],
+    /// By how much the unit normal changes across the cell per direction, at most 2.
+    turn: [f64; 2],
+    /// Part of `S_uu h²` across the rim on sides along the first direction, if they are on the rim; likewise of the second.
+    rim: [f64; 2],
     /// Length in space per direction.
     length: [f64; 2],
     /// Fewest halvings per direction.
@@ -125,8 +166,53 @@ struct Bend {
 }
 
 impl Bend {
-    fn of(map: &SplineMap<2>, cell: usize) -> Self {
-        let bezier = map.bezier();
+    fn of(map: &SplineMap<2>, cell: usize, tables: &[Vec<Vec<f64>>; 2]) -> Self {
+        let (space, bezier) = (map.space(), map.bezier());
+        let ((lower, upper), domain, periodic) = (bezier.cell_box(cell), space.domain(), space.periodic());
+        let mut bend = Self { least: least_halvings(map, cell), ..Self::bounds(bezier, cell) };
+        let coefficients = bezier.cell_coefficients(cell);
+        let order = bezier.degree().map(|p| p + 1);
+        let mut normals = [[None; SAMPLES]; SAMPLES];
+        for j in 0..SAMPLES {
+            for i in 0..SAMPLES {
+                let rows = |derivatives: [usize; 2]| {
+                    let row = |d: usize, k: usize| &tables[d][derivatives[d]][k * order[d]..][..order[d]];
+                    combine(coefficients, row(0, i), row(1, j))
+                };
+                let tangents = [rows([1, 0]), rows([0, 1])];
+                let second = [rows([2, 0]), rows([1, 1]), rows([0, 2])];
+                let area_vector = cross(tangents[0], tangents[1]);
+                let area = norm(area_vector);
+                // Round-off makes a normal of parallel tangents.
+                if area > ROUND_OFF_OF_AREA * (norm(tangents[0]) * norm(tangents[1])) {
+                    let normal = scale(area.recip(), area_vector);
+                    normals[j][i] = Some(normal);
+                    for k in 0..3 {
+                        bend.normal[k] = bend.normal[k].max(dot(normal, second[k]).abs());
+                    }
+                }
+                let on_rim = [[j, i], [i, j]].map(|at| at[0]);
+                for d in 0..2 {
+                    let across = 1 - d;
+                    let side = match on_rim[d] {
+                        0 => lower[across] == domain.0[across],
+                        k => k + 1 == SAMPLES && upper[across] == domain.1[across],
+                    };
+                    if side && !periodic[across] {
+                        let (tangent, second) = (tangents[d], second[2 * d]);
+                        let length = norm(tangent);
+                        let part = if length > 0.0 { norm(cross(second, tangent)) / length } else { norm(second) };
+                        bend.rim[d] = bend.rim[d].max(part);
+                    }
+                }
+            }
+        }
+        bend.turn = turn(&normals);
+        bend
+    }
+
+    /// Bounds from Bernstein coefficients.
+    fn bounds(bezier: &BezierMap<2>, cell: usize) -> Self {
         let coefficients = bezier.cell_coefficients(cell);
         let [p, q] = bezier.degree();
         let at = |i: usize, j: usize| {
@@ -157,49 +243,86 @@ impl Bend {
             largest(&mut squared_length[1], sub(at(i, q), at(i, 0)));
         }
         let factors = [p * p.saturating_sub(1), p * q, q * q.saturating_sub(1)];
-        let ((lower, upper), periods) = (bezier.cell_box(cell), periods(map));
-        let least = std::array::from_fn(|d| {
-            let Some(period) = periods[d] else { return 0 };
-            let segments = MIN_SEGMENTS_OF_PERIOD * (upper[d] - lower[d]) / period;
-            // A cell is at most half a period wide, so that one halving is enough.
-            u8::from(segments > 1.0 + 1e-9)
-        });
         Self {
             second: std::array::from_fn(|k| factors[k] as f64 * squared[k].sqrt()),
             length: squared_length.map(f64::sqrt),
-            least,
+            normal: [0.0; 3],
+            turn: [0.0; 2],
+            rim: [0.0; 2],
+            least: [0; 2],
         }
     }
 
-    /// Bound of the distance between the surface and triangles.
+    /// Estimate of the distance between the surface and triangles, [`Tessellation::new`].
     fn chord(&self, [a, b]: [u8; 2]) -> f64 {
         let [h, k] = [a, b].map(|n| 0.5_f64.powi(i32::from(n)));
-        let [uu, uv, vv] = self.second;
-        0.125 * (uu * h * h + 2.0 * uv * h * k + vv * k * k)
+        let taylor = |[uu, uv, vv]: [f64; 3]| 0.125 * (uu * h * h + 2.0 * uv * h * k + vv * k * k);
+        let all = taylor(self.second);
+        let turn = self.turn[0] * h + self.turn[1] * k;
+        let rim = 0.125 * (self.rim[0] * h * h).max(self.rim[1] * k * k);
+        all.min((taylor(self.normal) + turn * all).max(rim))
     }
 
     /// Halvings per direction for a chord error of at most `target`, as far as possible.
     fn halvings(&self, target: f64) -> [u8; 2] {
         let mut halvings = self.least;
-        while self.chord(halvings) > target {
-            let [h, k] = halvings.map(|n| 0.5_f64.powi(i32::from(n)));
-            let [uu, uv, vv] = [self.second[0] * h * h, 2.0 * self.second[1] * h * k, self.second[2] * k * k];
-            // A halving of either direction halves the twist; so where it is the largest, the longer side.
-            let first = if uv > uu.max(vv) { self.length[0] * h >= self.length[1] * k } else { uu >= vv };
+        let mut chord = self.chord(halvings);
+        while chord > target {
+            let halved = [0, 1].map(|d| {
+                let mut finer = halvings;
+                finer[d] += 1;
+                (finer, self.chord(finer))
+            });
+            let length = [0, 1].map(|d| self.length[d] * 0.5_f64.powi(i32::from(halvings[d])));
+            // The direction that gains more; where both gain alike, the longer one.
+            let gain = halved.map(|(_, finer)| chord - finer);
+            let alike = (gain[0] - gain[1]).abs() < SAME_GAIN * chord;
+            let first = if alike { length[0] >= length[1] } else { gain[0] >= gain[1] };
             let direction = match (first, halvings.map(|n| n < MAX_HALVINGS)) {
                 (_, [false, false]) => break,
                 (true, [true, _]) | (false, [true, false]) => 0,
                 _ => 1,
             };
-            halvings[direction] += 1;
+            (halvings, chord) = halved[direction];
         }
         halvings
     }
 }
 
-fn periods(map: &SplineMap<2>) -> [Option<f64>; 2] {
-    let ((lower, upper), periodic) = (map.space().domain(), map.space().periodic());
-    std::array::from_fn(|d| periodic[d].then_some(upper[d] - lower[d]))
+/// Fewest halvings of a cell: several segments once round a periodic direction.
+fn least_halvings(map: &SplineMap<2>, cell: usize) -> [u8; 2] {
+    let (space, (lower, upper)) = (map.space(), map.bezier().cell_box(cell));
+    let (domain, periodic) = (space.domain(), space.periodic());
+    std::array::from_fn(|d| {
+        let segment = (domain.1[d] - domain.0[d]) / MIN_SEGMENTS_OF_PERIOD;
+        let halvings = if periodic[d] { ((upper[d] - lower[d]) / segment).log2().ceil() } else { 0.0 };
+        halvings.clamp(0.0, f64::from(MAX_HALVINGS)) as u8
+    })
+}
+
+/// The change of unit normals per direction, as if the largest one between neighbouring samples went on all across.
+fn turn(normals: &[[Option<[f64; 3]>; SAMPLES]; SAMPLES]) -> [f64; 2] {
+    let mut turn = [0.0_f64; 2];
+    let between = |a: Option<[f64; 3]>, b: Option<[f64; 3]>| a.zip(b).map_or(2.0, |(a, b)| norm(sub(a, b)));
+    for j in 0..SAMPLES {
+        for i in 0..SAMPLES - 1 {
+            turn[0] = turn[0].max(between(normals[j][i], normals[j][i + 1]));
+            turn[1] = turn[1].max(between(normals[i][j], normals[i + 1][j]));
+        }
+    }
+    turn.map(|t| t * (SAMPLES - 1) as f64)
+}
+
+/// Derivatives of order 0 to 2 of the Bernstein polynomials at the samples, `(SAMPLES, degree + 1)` each.
+fn sample_tables(degree: usize) -> Vec<Vec<f64>> {
+    let table = |derivatives: usize| {
+        let mut out = vec![0.0; SAMPLES * (degree + 1)];
+        for (k, row) in out.chunks_exact_mut(degree + 1).enumerate() {
+            bernstein::derivatives(degree, derivatives, k as f64 / (SAMPLES - 1) as f64, row);
+        }
+        out
+    };
+    (0..=2).map(table).collect()
 }
 
 /// A place among the lines that would divide the whole domain as finely as its finest part.
@@ -224,7 +347,7 @@ struct Builder<'a> {
 impl<'a> Builder<'a> {
     fn new(map: &'a SplineMap<2>, bends: &[Bend], halvings: &'a [[u8; 2]]) -> Self {
         let (space, bezier) = (map.space(), map.bezier().as_ref());
-        let mesh = space.mesh();
+        let (mesh, periodic) = (space.mesh(), space.periodic());
         let level = |cell: usize| mesh.level(space.node(cell));
         let finest: [usize; 2] = std::array::from_fn(|d| {
             (0..halvings.len()).map(|c| level(c) + usize::from(halvings[c][d])).max().unwrap_or(0)
@@ -234,7 +357,6 @@ impl<'a> Builder<'a> {
             let index = mesh.cell_index(space.node(cell));
             (std::array::from_fn(|d| u64::from(index[d]) << shift[d]), shift.map(|s| 1 << s))
         });
-        let periodic = space.periodic();
         let tables = std::array::from_fn(|d| {
             let most = halvings.iter().map(|h| h[d]).max().unwrap_or(0);
             (0..=most).map(|n| table(bezier.degree()[d], 1 << n)).collect()
@@ -247,7 +369,8 @@ impl<'a> Builder<'a> {
             cells: Vec::new(),
             chord: chords.iter().fold(0.0, |most, &chord| most.max(chord)),
             chords,
-            periods: periods(map),
+            domain: space.domain(),
+            periodic,
         };
         Self {
             map,

@@ -71,8 +71,6 @@ pub struct Thresholds {
     pub box_ratio: f64,
     /// Share of the surface's area that may be folded over.
     pub folded: f64,
-    /// Places where the surface may cross itself.
-    pub crossings: usize,
     /// Share of the points that may be left out unasked for a good surface.
     pub left_out: f64,
 }
@@ -86,7 +84,6 @@ impl Default for Thresholds {
             beyond_rim: 0.01,
             box_ratio: 1.05,
             folded: 1e-3,
-            crossings: 0,
             left_out: 0.02,
         }
     }
@@ -143,6 +140,15 @@ impl Thresholds {
                 to_scan.max / tolerance
             );
             add("swings-out", Verdict::Failed, deviation.box_ratio, self.box_ratio, Some(to_scan.place), text);
+        }
+        let crossings = &deviation.crossings;
+        if let Some(crossing) = crossings.places.first() {
+            let text = format!(
+                "the surface passes through itself, {:.1} tolerances deep along {:.1}",
+                crossing.depth / tolerance,
+                crossing.extent / tolerance
+            );
+            add("crosses-itself", Verdict::Failed, crossings.pairs as f64, 0.0, Some(crossing.place), text);
         }
         if let Some(folded) = deviation.folded.filter(|&folded| folded > self.folded) {
             let text = format!("{:.2} % of the surface's area are folded over", 100.0 * folded);

@@ -1,31 +1,37 @@
 //! Vectors of space as plain arrays.
 
 /// `a + b`.
+#[inline]
 pub fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| a[k] + b[k])
 }
 
 /// `a − b`.
+#[inline]
 pub fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
 /// `factor · a`.
+#[inline]
 pub fn scale(factor: f64, a: [f64; 3]) -> [f64; 3] {
     a.map(|x| factor * x)
 }
 
 /// Scalar product.
+#[inline]
 pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Vector product.
+#[inline]
 pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Length. Its square must neither under- nor overflow; [`unit()`] has no such limit.
+#[inline]
 pub fn norm(a: [f64; 3]) -> f64 {
     dot(a, a).sqrt()
 }

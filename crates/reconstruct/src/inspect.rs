@@ -95,7 +95,8 @@ fn measured(
     tolerance: f64,
 ) -> Result<Deviation, Error> {
     // Where triangles have corners of their own, equal ones are one: rims would be everywhere.
-    let mesh = triangles.map(|triangles| merge_duplicate_vertices(&TriangleMesh { vertices: points.clone(), triangles }).0);
+    let mesh =
+        triangles.map(|triangles| merge_duplicate_vertices(&TriangleMesh { vertices: points.clone(), triangles }).0);
     let places = |points: &Array2<f64>| -> Vec<[f64; 3]> {
         points.outer_iter().map(|row| std::array::from_fn(|k| row[k])).collect()
     };

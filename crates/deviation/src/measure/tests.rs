@@ -75,7 +75,9 @@ fn points_of_a_cloud_beyond_the_rim_count_across_the_surface_only() {
     // A spacing of 0.05; the outermost columns lie beyond the surface by one and by four spacings.
     let cloud = |width: f64| -> Vec<[f64; 3]> {
         let columns = (20.0 * width).round() as usize;
-        (0..=columns * 21).map(|k| [0.05 * (k % (columns + 1)) as f64, 0.05 * (k / (columns + 1)) as f64, 1e-4]).collect()
+        (0..=columns * 21)
+            .map(|k| [0.05 * (k % (columns + 1)) as f64, 0.05 * (k / (columns + 1)) as f64, 1e-4])
+            .collect()
     };
     let near = cloud(1.05);
     let found = deviation(&flat, &Scan::cloud(&near).unwrap(), 0.001);
@@ -123,7 +125,15 @@ fn facets_of_something_round_are_known_up_to_their_sagitta() {
 #[test]
 fn folds_are_those_that_the_scan_has_not() {
     // The sheet runs back between u = 0.4 and 0.6.
-    let back = |u: f64| if u < 0.4 { u } else if u < 0.6 { 0.8 - u } else { u - 0.4 };
+    let back = |u: f64| {
+        if u < 0.4 {
+            u
+        } else if u < 0.6 {
+            0.8 - u
+        } else {
+            u - 0.4
+        }
+    };
     let folded = surface(40, |u, v| [back(u), v, 0.01 * (8.0 * u).sin()]);
     let (points, triangles) = grid(10, |u, v| [0.6 * u, v, 0.0]);
     let found = deviation(&folded, &Scan::mesh(&points, &triangles).unwrap(), 0.001);
@@ -144,7 +154,8 @@ fn parameters_to_start_from_change_nothing() {
     let parameters = Array2::from_shape_fn((points.len(), 2), |(i, k)| points[i][k]);
     for scan in [Scan::mesh(&points, &triangles).unwrap(), Scan::cloud(&points).unwrap()] {
         let free = measure(&map, &scan, None, 0.005, &Thresholds::default()).unwrap().scan_to_surface;
-        let started = measure(&map, &scan, Some(parameters.view()), 0.005, &Thresholds::default()).unwrap().scan_to_surface;
+        let started =
+            measure(&map, &scan, Some(parameters.view()), 0.005, &Thresholds::default()).unwrap().scan_to_surface;
         for (a, b) in [(free.within, started.within), (free.rms, started.rms), (free.max, started.max)] {
             assert!((a - b).abs() < 1e-6 * a, "{a} {b}");
         }

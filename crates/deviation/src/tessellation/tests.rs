@@ -2,8 +2,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use ndarray::Array2;
+use point_cloud::TriangleTree;
 use proptest::prelude::*;
-use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement};
+use thb_core::{ClosestPoints, HierarchicalSpace, Kind, KnotVector, Refinement};
 
 use super::*;
 use crate::testing::Random;
@@ -68,8 +69,8 @@ fn check(map: &SplineMap<2>, tessellation: &Tessellation) {
         assert_eq!(count, 1, "edge {a} {b} twice the same way round");
         if !edges.contains_key(&(b, a)) {
             let [p, q] = [a, b].map(|v| tessellation.parameters[v as usize]);
-            let on_rim = (0..2)
-                .any(|d| tessellation.periods[d].is_none() && p[d] == q[d] && (p[d] == lower[d] || p[d] == upper[d]));
+            let on_rim =
+                (0..2).any(|d| !tessellation.periodic[d] && p[d] == q[d] && (p[d] == lower[d] || p[d] == upper[d]));
             assert!(on_rim, "the edge from {p:?} to {q:?} has no twin");
         }
     }
@@ -95,17 +96,23 @@ proptest! {
         let tessellation = Tessellation::new(&map, chord, 400_000).unwrap();
         check(&map, &tessellation);
         prop_assert!(tessellation.chord <= chord);
-        let mut image = [0.0; 3];
-        for (t, &cell) in tessellation.cells.iter().enumerate() {
+        // Distances both ways, from random places of the triangles and of the surface.
+        let closest = ClosestPoints::new(map.bezier().clone()).unwrap();
+        let corners: Vec<_> = (0..tessellation.triangles.len()).map(|t| tessellation.corners(t)).collect();
+        let tree = TriangleTree::new(&corners);
+        for _ in 0..300 {
+            let t = random.below(corners.len());
             let mut weights: [f64; 3] = std::array::from_fn(|_| random.between(0.0, 1.0));
             let sum: f64 = weights.iter().sum();
             weights.iter_mut().for_each(|w| *w /= sum);
-            let (corners, plane) = (tessellation.corners(t), tessellation.corner_parameters(t));
-            let u = std::array::from_fn(|d| (0..3).map(|k| weights[k] * plane[k][d]).sum());
-            map.bezier().derivative(cell as usize, u, [0, 0], &mut image);
-            let flat: [f64; 3] = std::array::from_fn(|x| (0..3).map(|k| weights[k] * corners[k][x]).sum());
-            let distance = point_cloud::vec3::norm(sub(image, flat));
-            prop_assert!(distance <= tessellation.chords[cell as usize] + 1e-12, "{distance}");
+            let u = tessellation.parameters_at(t, weights);
+            let flat: [f64; 3] = std::array::from_fn(|x| (0..3).map(|k| weights[k] * corners[t][k][x]).sum());
+            let from_triangle = closest.closest_from(&flat, tessellation.cells[t] as usize, u).distance;
+            let point = map.eval(u).unwrap();
+            let from_surface = tree.nearest([point[0], point[1], point[2]]).squared_distance.sqrt();
+            let chord = tessellation.chords[tessellation.cells[t] as usize];
+            prop_assert!(from_triangle <= chord + 1e-12, "{from_triangle} {chord}");
+            prop_assert!(from_surface <= tessellation.chord + 1e-12, "{from_surface} {}", tessellation.chord);
         }
     }
 
