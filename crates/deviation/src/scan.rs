@@ -129,6 +129,14 @@ impl<'a> Scan<'a> {
         }
     }
 
+    /// The weight of each point of a cloud in shares and means; `None` for a mesh.
+    pub fn weights(&self) -> Option<&[f64]> {
+        match &self.kind {
+            Kind::Mesh(_) => None,
+            Kind::Cloud(cloud) => Some(&cloud.weights),
+        }
+    }
+
     /// The height of the curved triangles over their facets, 95th percentile by area; `None` for a cloud.
     pub fn sagitta_p95(&self) -> Option<f64> {
         let Kind::Mesh(mesh) = &self.kind else { return None };

@@ -97,7 +97,7 @@ pub(crate) fn densify(
     if mesh.places.len() == given {
         return None;
     }
-    let weights = weights(&mesh.places, &mesh.triangles);
+    let weights = area_weights(&mesh.places, &mesh.triangles);
     let flat = |rows: &[[f64; 3]]| rows.iter().flatten().copied().collect::<Vec<f64>>();
     let uv: Vec<f64> = mesh.parameters.iter().flatten().copied().collect();
     Some(Denser {
@@ -108,8 +108,14 @@ pub(crate) fn densify(
     })
 }
 
+/// Weights of the points of a cloud, in means; a point at the place of others still counts.
+pub(crate) fn spacing_weights(weights: &[f64]) -> Vec<f64> {
+    let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
+    weights.iter().map(|weight| if mean > 0.0 { (weight / mean).max(LEAST_WEIGHT) } else { 1.0 }).collect()
+}
+
 /// The area of the triangles round each point, in means; a point without triangles weighs as the mean one.
-pub(crate) fn weights(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<f64> {
+pub(crate) fn area_weights(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<f64> {
     let mut weights = vec![0.0; points.len()];
     let mut used = vec![false; points.len()];
     for t in triangles {

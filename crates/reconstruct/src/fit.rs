@@ -167,6 +167,12 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             100.0 * RIM
         ));
     }
+    if let Some(sagitta) = judgement.deviation.sagitta_p95.filter(|&sagitta| sagitta > tolerance) {
+        warnings.push(format!(
+            "the tolerance of {tolerance:.4e} is less than what the triangles of the scan tell: the surface may lie up to {sagitta:.4e} \
+             off their facets (95 % of the area)"
+        ));
+    }
     if creases > MOST_CREASES {
         warnings.push(format!(
             "the surface turns by more than a right angle between {:.2} % of its neighbouring samples: at sharp edges, or where it is \

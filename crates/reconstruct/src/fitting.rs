@@ -11,7 +11,7 @@ use param_classic::triangulate_parameters;
 use point_cloud::LocalFrames;
 use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
 
-use crate::densify::{densify, weights as area_weights};
+use crate::densify::{area_weights, densify, spacing_weights};
 use crate::fit::SAMPLES;
 use crate::judge::{Judge, Judged, Judgement};
 use crate::options::{BlendChoice, LambdaChoice, Method, Samples};
@@ -197,7 +197,11 @@ fn fit_scan(
     let m = problem.points.nrows();
     let loop_judge = (!by_points).then_some(&judge);
     let Some(dense) = dense else {
-        let by_area = Some(area_weights(&places, problem.triangles)).filter(|_| problem.is_mesh && !by_points);
+        let by_area = match judge.scan().weights() {
+            _ if by_points => None,
+            Some(weights) => Some(spacing_weights(weights)),
+            None => Some(area_weights(&places, problem.triangles)),
+        };
         let weights = by_area.map(|by_area| weighted(Array1::from(by_area), problem.weights));
         let weighted = Problem { weights: weights.as_ref().map_or(problem.weights, |w| Some(w.view())), ..*problem };
         return fit_all(&weighted, &judge, loop_judge, space, options, watch);
@@ -258,7 +262,8 @@ fn fit_all(
         return attempt(options.method, &JOINT, options, watch);
     }
     let fixed = attempt(Method::Ls, &JOINT, options, watch)?;
-    let reached = fixed.fitted.stop == Stop::ToleranceReached;
+    // What swings out, folds or passes through itself is no result to be better than.
+    let reached = fixed.fitted.stop == Stop::ToleranceReached && fixed.judgement.is_sound();
     let coarsest = fixed.dofs() == space.n_functions() && reached;
     if coarsest || fixed.fitted.stop == Stop::Interrupted || options.reweighting.is_asked_for() {
         return Ok(fixed);
@@ -284,6 +289,7 @@ fn fit_all(
         let other = attempt(Method::Joint, &JOINT, moving, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
+        tracing::debug!(reasons = ?other.judgement.reasons, hsd = other.hsd, creases = other.creases, "judged");
         let close = is_close(&other);
         if close || now > before {
             best = other;
@@ -295,7 +301,7 @@ fn fit_all(
     if best.fitted.stop != Stop::Interrupted && options.within < 1.0 {
         // Parameters that need not move alike may do with far fewer control points, or get there where others do not.
         let _ = watch(Event::Step("fitting with parameters that move freely"));
-        let there = best.within() >= options.within;
+        let there = best.within() >= options.within && best.judgement.is_sound();
         let fewer = enough
             .map(|enough| if there { enough.min((FREELY_WORTHWHILE * best.dofs() as f64) as usize) } else { enough });
         let freely = FitOptions { max_dofs: fewer, ..moving };
