@@ -55,7 +55,7 @@ pub struct ParameterReport {
     pub largest_void: VoidReport,
     /// Correlation of distances between neighbours in space and in parameters.
     pub distance_correlation: Option<f64>,
-    /// good, usable or poor.
+    /// even, uneven or distorted.
     pub verdict: &'static str,
     /// What limits them and what to try; empty if they are good.
     pub hint: String,
@@ -158,9 +158,9 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
         largest_void: VoidReport { center: spread.largest_void.center, radius: spread.largest_void.radius },
         distance_correlation: spread.distance_correlation,
         verdict: match verdict {
-            Verdict::Good => "good",
-            Verdict::Usable => "usable",
-            Verdict::Poor => "poor",
+            Verdict::Good => "even",
+            Verdict::Usable => "uneven",
+            Verdict::Poor => "distorted",
         },
         hint: hints.join("; "),
         seconds: 0.0,
