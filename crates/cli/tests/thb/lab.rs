@@ -96,10 +96,12 @@ impl Lab {
         run
     }
 
-    /// Runs `thb`, which succeeds in silence.
+    /// Runs `thb`, which succeeds, prints no result, and says nothing but warnings: lines that name a file.
     pub(crate) fn succeeds(&self, arguments: &str) {
         let run = self.thb(arguments);
-        assert!(run.code == 0 && run.stdout.is_empty() && run.stderr.is_empty(), "thb {arguments}: {run:?}");
+        let is_warning = |line: &str| line.strip_prefix("thb: ").is_some_and(|line| line.contains(": "));
+        assert!(run.code == 0 && run.stdout.is_empty(), "thb {arguments}: {run:?}");
+        assert!(run.stderr.lines().all(is_warning), "thb {arguments}: {run:?}");
     }
 
     /// Runs `thb`, which succeeds and prints JSON.

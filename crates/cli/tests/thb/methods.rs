@@ -3,6 +3,11 @@
 use crate::lab::Lab;
 use crate::scans;
 
+/// Share of the scan's area within the tolerance.
+fn share_of_area(result: &serde_json::Value) -> f64 {
+    result["deviation"]["scan_to_surface"]["within"].as_f64().unwrap()
+}
+
 #[test]
 fn every_method_fits_and_reports_its_moves() {
     let lab = Lab::with("scan.off", scans::mesh());
@@ -17,9 +22,9 @@ fn every_method_fits_and_reports_its_moves() {
         let moves = &report["history"][0]["moves"];
         assert!(moves["rmse_before"].as_f64().unwrap() > 0.0 && moves["folds"] == 0, "{method}: {moves}");
         assert!(report["result"]["dofs"].as_u64() <= fixed["result"]["dofs"].as_u64(), "{method}");
-        // What the report says of the points holds for the surface that was written.
+        // What the report says of the scan holds for the surface that was written.
         let compared = lab.prints_json("compare part.json scan.off --tol 0.05%");
-        assert!(compared["within"].as_f64().unwrap() >= report["result"]["within"].as_f64().unwrap(), "{method}");
+        assert!((share_of_area(&compared) - share_of_area(&report["result"])).abs() < 1e-3, "{method}");
     }
 }
 
@@ -76,7 +81,7 @@ fn quasi_interpolation_fits_and_reports_its_local_problems() {
         assert!(rounds.map(|round| round * functions).any(|expected| solved(0) == expected), "{method}: {}", solved(0));
         assert!(history.iter().all(|i| i["moves"].is_null() != moves), "{method}");
         let compared = lab.prints_json("compare part.json scan.off --tol 0.02%");
-        assert!(compared["within"].as_f64().unwrap() >= report["result"]["within"].as_f64().unwrap(), "{method}");
+        assert!((share_of_area(&compared) - share_of_area(&report["result"])).abs() < 1e-3, "{method}");
     }
 }
 

@@ -10,7 +10,9 @@ use crate::scans;
 /// A lab with a scan, a refined model of it and its report.
 fn fitted() -> Lab {
     let lab = Lab::with("scan.off", scans::mesh());
-    lab.succeeds("fit scan.off -o part.json --report report.json --tol 0.005% --method ls");
+    // Vertices alone tell less than the tolerance of the area between them.
+    let run = lab.thb("fit scan.off -o part.json --report report.json --tol 0.005% --method ls --samples vertices");
+    assert!([0, 3].contains(&run.code), "{run:?}");
     assert!(lab.prints_json("info part.json")["levels"].as_u64().unwrap() > 1);
     lab
 }
@@ -124,6 +126,14 @@ fn compare_agrees_with_the_report() {
     assert!((dhd - of_report).abs() <= 1e-9 * of_report, "{dhd} and {of_report}");
     assert!(number(&comparison, "rmse") <= number(result, "rmse") * (1.0 + 1e-9));
     assert!(number(&comparison, "within") >= number(result, "within"));
+    // The same measures of the same mesh, whether searches begin at parameters or not.
+    for side in ["scan_to_surface", "surface_to_scan", "facets_to_surface", "surface_to_facets"] {
+        for figure in ["within", "mean", "rms", "p95", "max"] {
+            let of = |value: &Value| value["deviation"][side][figure].as_f64().unwrap();
+            let (a, b) = (of(&comparison), of(result));
+            assert!((a - b).abs() <= 1e-3 * b, "{side} {figure}: {a} and {b}");
+        }
+    }
     assert!(number(&comparison, "hsd") >= dhd && number(&comparison, "mean") <= number(&comparison, "rmse"));
     for tol in ["nan", "-1", "-1%", "0"] {
         lab.fails(&format!("compare part.json scan.off --tol {tol}"), 2, &["--tol"]);

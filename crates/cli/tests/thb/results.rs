@@ -68,7 +68,8 @@ fn the_report_keeps_its_layout() {
     let number = |value: &Value, key: &str| value[key].as_f64().unwrap_or_else(|| panic!("{key} in {value}"));
     assert!(number(result, "within") >= 0.95);
     assert!((number(result, "rmse").powi(2) / number(result, "mse") - 1.0).abs() < 1e-12);
-    assert!(number(result, "dhd") <= number(result, "max") && number(result, "rmse") <= number(result, "max"));
+    let max = number(result, "max") * (1.0 + 1e-6);
+    assert!(number(result, "dhd") <= max && number(result, "rmse") <= max, "{result}");
     assert!(report["warnings"].as_array().is_some());
 
     let history = report["history"].as_array().unwrap();
@@ -113,7 +114,8 @@ fn results_do_not_depend_on_the_run_or_the_threads() {
     for (name, scan) in [("scan.off", scans::mesh()), ("scan.csv", scans::gridded())] {
         let lab = Lab::with(name, scan);
         for (output, threads) in [("a", 1), ("b", 1), ("c", 2), ("d", 5)] {
-            lab.succeeds(&format!("fit {name} -o {output}.json -o {output}.xml --tol 0.001% --threads {threads}"));
+            let run = lab.thb(&format!("fit {name} -o {output}.json -o {output}.xml --tol 0.001% --threads {threads}"));
+            assert!([0, 3].contains(&run.code), "{run:?}");
         }
         for other in ["b", "c", "d"] {
             for format in ["json", "xml"] {

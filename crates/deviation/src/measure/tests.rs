@@ -117,9 +117,10 @@ fn facets_of_something_round_are_known_up_to_their_sagitta() {
         [leg * x, leg * y, z]
     });
     let found = deviation(&round, &Scan::mesh(&points, &triangles).unwrap(), 0.002);
-    assert!(found.facets_to_surface.unwrap().within < 0.8 && found.surface_to_facets.unwrap().within < 0.8);
-    assert!(found.scan_to_surface.within > 0.97 && found.surface_to_scan.within > 0.97, "{found:?}");
-    assert!((found.sagitta_p95.unwrap() - 0.0048).abs() < 0.001);
+    assert!(found.facets_to_surface.unwrap().within < 0.5 && found.surface_to_facets.unwrap().within < 0.5);
+    // In the outermost columns normals are those of one facet.
+    assert!(found.scan_to_surface.within > 0.8 && found.surface_to_scan.within > 0.8, "{found:?}");
+    assert!((0.0024..0.0052).contains(&found.sagitta_p95.unwrap()), "{:?}", found.sagitta_p95);
 }
 
 #[test]
