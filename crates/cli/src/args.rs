@@ -309,6 +309,9 @@ Input: one point a line, in order: .csv .txt .dat .xyz and the other formats of 
 (--columns chooses them). A column u holds parameters. A line of words at the top is skipped. Noise is smoothed by
 --lambda, with few --knots, not by a tolerance below it.
 
+The exit code is 3 where the curve can't be used: standard error says whether it misses points, swings out or crosses
+itself, and where.
+
 If the tolerance is not reached, the report says why: 'too-few-points' (spans run out of points: noise; raise --tol),
 'levels' (--halvings), 'max-dofs' (--max-dofs), 'stagnation' (noise), 'fixed-knots' (--knots is a number).";
 
@@ -322,6 +325,9 @@ pub(crate) struct CurveArgs {
     /// Report as JSON.
     #[arg(long, value_name = "R.json")]
     pub(crate) report: Option<PathBuf>,
+    /// Say nothing on standard error but errors.
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
     #[command(flatten)]
     read: ReadArgs,
     /// The first coordinate is the parameter, and the others are functions of it.
@@ -330,11 +336,12 @@ pub(crate) struct CurveArgs {
     /// Parameters: auto (those of the file, else chord), given, chord, centripetal, parcnn or uniform.
     #[arg(long, default_value_t = CurveOptions::default().param, help_heading = "How it is laid out")]
     param: CurveParameters,
-    /// Whether the curve closes: auto (where the last point is the first one, or as near as neighbours are), yes or no.
+    /// Whether the curve closes: auto (where the last point is the first one, or as near as neighbours are, or goes
+    /// round once more), yes or no.
     #[arg(long, default_value_t = CurveOptions::default().closed, help_heading = "How it is laid out")]
     closed: ClosedChoice,
     /// Where the curve may turn sharply: auto (points that turn by 40 degrees and three times as much as their
-    /// neighbours), none, or rows of the input, from 0.
+    /// neighbours, alone or as the ends of a short edge), none, or rows of the input, from 0.
     #[arg(long, default_value_t = CurveOptions::default().corners, help_heading = "How it is laid out")]
     corners: CornerChoice,
     /// Ends of an open curve: free, or held (at the first and the last point).

@@ -9,7 +9,7 @@ use std::process::{self, ExitCode};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Parser;
-use reconstruct::{BatchEvent, BatchOptions, Error, PartOutcome, PartResult, run_batch};
+use reconstruct::{BatchEvent, BatchOptions, Error, PartOutcome, PartResult, Verdict, run_batch};
 use serde::Serialize;
 
 use args::{Cli, Command, CurveArgs, FitArgs, ParamArgs};
@@ -143,8 +143,11 @@ fn fit_curve(args: &CurveArgs) -> anyhow::Result<u8> {
     if let Some(path) = &args.report {
         reconstruct::write_report(path, &fit.report)?;
     }
+    if !args.quiet {
+        fit.report.sentences().for_each(|sentence| complain(&sentence));
+    }
     write!(io::stdout().lock(), "{}", fit.report)?;
-    Ok(if fit.reached() { 0 } else { TOLERANCE_NOT_REACHED })
+    Ok(if fit.verdict() == Verdict::Failed { TOLERANCE_NOT_REACHED } else { 0 })
 }
 
 fn param(args: &ParamArgs) -> anyhow::Result<()> {

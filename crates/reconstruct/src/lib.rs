@@ -45,8 +45,9 @@ mod watch;
 
 pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
 pub use curve::{
-    ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveOptions, CurveParameters, CurveReport,
-    CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file, fit_sequence, write_curve,
+    ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveLimits, CurveOptions, CurveParameters,
+    CurveReport, CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file,
+    fit_sequence, write_curve,
 };
 pub use deviation::{Deviation, Reason, Thresholds, Verdict};
 pub use error::Error;

@@ -28,8 +28,14 @@ fn step() -> String {
 fn a_section_goes_to_all_formats() {
     let lab = Lab::with("wing.dat", airfoil());
     let run = lab.thb("fit-curve wing.dat -o w.step -o w.svg -o w.dxf -o w.json -o w.xml --report r.json --units m");
-    assert!(run.code == 0 && run.stderr.is_empty(), "{run:?}");
-    assert!(run.stdout.contains("at a corner, corner at row 0") && run.stdout.contains("(tolerance)"), "{run:?}");
+    assert!(run.code == 0 && run.stderr == "thb: note: line 1 is not a point and was skipped\n", "{run:?}");
+    assert!(lab.thb("fit-curve wing.dat --quiet").stderr.is_empty());
+    assert!(
+        run.stdout.ends_with("good\n")
+            && run.stdout.contains("at a corner, corner at row 0")
+            && run.stdout.contains("(tolerance)"),
+        "{run:?}"
+    );
     let report = lab.json("r.json");
     let control_points = report["result"]["control_points"].as_u64().unwrap();
     assert!(control_points < 30 && report["result"]["max"].as_f64() < report["result"]["tolerance"].as_f64());
@@ -58,7 +64,7 @@ fn a_section_goes_to_all_formats() {
 fn a_graph_has_x_as_its_parameter() {
     let lab = Lab::with("heat.csv", step());
     let run = lab.thb("fit-curve heat.csv --graph --tol 0.5% -o heat.json");
-    assert!(run.code == 0 && run.stdout.contains("temperature, property were taken"), "{run:?}");
+    assert!(run.code == 0 && run.stderr.contains("temperature, property were taken"), "{run:?}");
     lab.put("at.csv", "u\n500\n700\n812.5\n895\n");
     let run = lab.thb("eval heat.json at.csv");
     for line in run.stdout.lines().skip(1) {
@@ -72,7 +78,12 @@ fn a_graph_has_x_as_its_parameter() {
 fn an_unreached_tolerance_is_told_by_the_exit_code() {
     let lab = Lab::with("heat.csv", step());
     let run = lab.thb("fit-curve heat.csv --graph --knots 2 --report r.json");
-    assert!(run.code == 3 && run.stdout.contains("fixed-knots"), "{run:?}");
+    assert!(run.code == 3 && run.stdout.contains("fixed-knots") && run.stdout.ends_with("failed\n"), "{run:?}");
+    // Standard error has the words of the report.
+    let result = &lab.json("r.json")["result"];
+    assert_eq!((result["verdict"].as_str(), result["reasons"][0]["code"].as_str()), (Some("failed"), Some("share")));
+    let text = result["reasons"][0]["text"].as_str().unwrap();
+    assert!(run.stderr.contains(text) && text.contains("weighed by their spacing"), "{run:?}");
     assert_eq!(lab.json("r.json")["result"]["control_points"], 6);
     assert_eq!(lab.json("r.json")["options"]["knots"], "2");
 }

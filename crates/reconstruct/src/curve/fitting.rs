@@ -19,8 +19,11 @@ use super::options::CurveOptions;
 use super::report::{CurveInput, CurveIteration, CurveReport, CurveResult};
 use super::sequence::{self, Closing, Given, Sequence};
 use super::start::start_knots;
+use super::support::{Frame, Support, polygon_of};
+use deviation::Verdict;
+
+use super::verdict::{CurveLimits, Judgement, Subject, judge};
 use crate::fit::SAMPLES;
-use crate::fitting::FAR as FAR_AWAY;
 use crate::{BlendChoice, Error, Method};
 
 /// A fitted curve with its report and its data.
@@ -39,6 +42,11 @@ pub struct CurveFit {
 }
 
 impl CurveFit {
+    /// Whether the curve can be used: near its points everywhere, and nowhere else.
+    pub fn verdict(&self) -> Verdict {
+        self.report.result.verdict
+    }
+
     /// Whether the asked share of points is within the tolerance.
     pub fn reached(&self) -> bool {
         self.report.result.reached
@@ -84,58 +92,18 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     }
     let diagonal = BoundingBox::of(sequence.points.view())?.diagonal();
     let tolerance = options.tol.resolve(diagonal);
-    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [start_knots(&sequence, options)?])?);
-    let length = sequence.domain.1 - sequence.domain.0;
+    let problem = Problem { sequence: &sequence, options, tolerance, diagonal };
     let mut warnings = sequence.notes.clone();
-    let mut fitting = fit_ls::Options {
-        lambda: options.lambda.resolve(tolerance, diagonal),
-        lengths: [1.0 / length],
-        ..fit_ls::Options::default()
-    };
-    if fitting.lambda == Lambda::Fixed(0.0) && !determines(&sequence, &space)? {
-        let lambda = least_lambda(&sequence, &space, &fitting)?;
-        warnings.push(format!(
-            "between corners or knots there are too few points to determine the curve; it is drawn calm there by the \
-             smoothing weight {lambda:.1e}"
-        ));
-        fitting.lambda = Lambda::Fixed(lambda);
-    }
-    let shortest = length * 0.5_f64.powi(options.halvings as i32);
-    let moving = moving_options(options, tolerance);
-    let mut method = CurveMethod::new(&sequence, fitting, moving, options.mark.0, shortest, tolerance, options.within)?;
-    let adapts = options.knots == KnotChoice::Adaptive;
-    let rules = adaptive::Options {
-        tolerance,
-        within: options.within,
-        marking: options.mark.0,
-        max_dofs: options.max_dofs.unwrap_or(m),
-        // Marking a share inserts few knots at a time.
-        max_iterations: if adapts { m.max(50) } else { 1 },
-        ..adaptive::Options::default()
-    };
-    let mut observer = |_: &Iteration| ControlFlow::Continue(());
-    let Outcome { map, stop, failure, history, .. } = adaptive::run(&mut method, space, &rules, &mut observer)?;
-    if let Some(failure) = failure {
-        warnings.push(format!("the last knots that were inserted could not be solved for: {failure}"));
-    }
-    let parameters = method.parameters();
-    let errors = method.errors(&map)?;
+    let attempt = problem.best(&mut warnings)?;
+    let Attempt { map, parameters, errors, history, judgement, .. } = &attempt;
     let deviation = Deviation::new(&errors.to_vec(), tolerance);
-    let is_function = dimension == 1 || options.graph;
-    let dhd =
-        if is_function { deviation.max } else { directed_hausdorff(&map, parameters.view(), sequence.points.view())? };
+    let sites = parameters.view().insert_axis(Axis(1));
+    let is_function = problem.is_function();
+    let dhd = if is_function { deviation.max } else { directed_hausdorff(map, sites, sequence.points.view())? };
     // Nothing is between the values of a function.
-    let hsd = if is_function { dhd } else { dhd.max(map_to_points(&map, sequence.points.view(), SAMPLES)?) };
-    if hsd > FAR_AWAY * diagonal {
-        warnings.push(format!(
-            "the curve leaves the points by up to {hsd:.4e}, {:.1} % of the diagonal: it spans a gap or swings out between \
-             points; look at it, and raise --lambda if it swings",
-            100.0 * hsd / diagonal
-        ));
-    }
-    let stop = if !adapts && stop == Stop::Iterations { "fixed-knots" } else { stop.name() };
+    let hsd = if is_function { dhd } else { dhd.max(map_to_points(map, sequence.points.view(), SAMPLES)?) };
     let knots = map.space().knots(0, 0)?;
-    let moves = method.moves();
+    warnings.extend(attempt.warnings.iter().cloned());
     let report = CurveReport {
         schema: 1,
         input: CurveInput {
@@ -161,40 +129,228 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
             rmse: deviation.rmse(),
             within: deviation.within,
             tolerance,
-            lambda: method.lambda(),
+            lambda: attempt.lambda,
             dhd,
             hsd,
             seconds: start.elapsed().as_secs_f64(),
-            stop,
+            stop: attempt.stop,
             reached: deviation.within >= options.within,
+            verdict: judgement.verdict(),
+            reasons: judgement.reasons.clone(),
+            limits: CurveLimits::default(),
+            share: judgement.share,
+            swing: judgement.swing,
+            box_ratio: judgement.box_ratio,
+            crossings: judgement.crossings,
+            support_points: attempt.support_points,
         },
-        history: history.iter().enumerate().map(|(k, record)| CurveIteration::new(record, moves.get(k))).collect(),
+        history: history.clone(),
         warnings,
     };
-    let mut model = Model::curve(if options.graph { graph_of(&map)? } else { map }, options.units);
+    let mut model = Model::curve(if options.graph { graph_of(map)? } else { map.clone() }, options.units);
     model.metadata.insert("source".into(), name.into());
     if options.graph {
         model.metadata.insert(GRAPH.into(), true.into());
     }
-    let parameters = parameters.column(0).to_owned();
+    let Attempt { parameters, errors, .. } = attempt;
     let points = fitted_points(&sequence, options)?;
     Ok(CurveFit { model, report, points, parameters, errors })
 }
 
-/// Whether the points determine the curve in the first space without smoothing.
-fn determines(sequence: &Sequence, space: &HierarchicalSpace<1>) -> Result<bool, Error> {
-    Ok(schoenberg_whitney(space.knots(0, 0)?, &sequence.parameters.to_vec()))
+/// What is to be fitted.
+struct Problem<'a> {
+    sequence: &'a Sequence,
+    options: &'a CurveOptions,
+    tolerance: f64,
+    diagonal: f64,
+}
+
+/// A fit with its judgement.
+struct Attempt {
+    map: SplineMap<1>,
+    /// Of the points.
+    parameters: Array1<f64>,
+    /// Distances of the points at their parameters.
+    errors: Array1<f64>,
+    lambda: f64,
+    stop: &'static str,
+    history: Vec<CurveIteration>,
+    warnings: Vec<String>,
+    judgement: Judgement,
+    support_points: usize,
+}
+
+impl Attempt {
+    /// Whether it is better than one with further points: by the verdict, else by how far both swing out.
+    fn is_better_than(&self, next: &Self) -> bool {
+        let (own, others) = (self.judgement.verdict(), next.judgement.verdict());
+        own < others || own == others && self.judgement.swing < next.judgement.swing
+    }
+
+    /// Whether it is worse than another one: by its verdict, else by the two-sided distance where that is beyond the tolerance.
+    fn is_worse(&self, other: &Self, tolerance: f64) -> bool {
+        let (own, others) = (self.judgement.verdict(), other.judgement.verdict());
+        own > others || own == others && self.judgement.two_sided > other.judgement.two_sided.max(tolerance)
+    }
+}
+
+/// How often a curve with fixed parameters is fitted again because it swings out or crosses itself; with moving parameters once.
+///
+/// Limit: each time further stretches get points, and points at crossings are met twice as closely, 16 times at last.
+const MAX_SUPPORT_ROUNDS: usize = 4;
+
+impl Problem<'_> {
+    /// Whether the values are a function of the parameter.
+    fn is_function(&self) -> bool {
+        self.options.graph || self.sequence.points.ncols() == 1
+    }
+
+    /// The fit by the method of the options, or the one with fixed parameters where moving them has made it worse.
+    fn best(&self, warnings: &mut Vec<String>) -> Result<Attempt, Error> {
+        let method = self.options.method;
+        let moves = moving_options(self.options, self.tolerance).is_some();
+        if !moves {
+            return self.supported(method);
+        }
+        let moved = self.supported(method);
+        match (self.supported(Method::Ls), moved) {
+            (Err(_), moved) => moved,
+            (Ok(fixed), Err(error)) => {
+                warnings.push(format!("{method} failed ({error}); the parameters were kept"));
+                Ok(fixed)
+            }
+            (Ok(fixed), Ok(moved)) if moved.is_worse(&fixed, self.tolerance) => {
+                warnings.push(format!(
+                    "{method} ended worse than fixed parameters ({}, {:.4e} from points to curve or back, against {}, {:.4e}); \
+                     the parameters were kept",
+                    moved.judgement.verdict(),
+                    moved.judgement.two_sided,
+                    fixed.judgement.verdict(),
+                    fixed.judgement.two_sided
+                ));
+                Ok(fixed)
+            }
+            (Ok(_), Ok(moved)) => Ok(moved),
+        }
+    }
+
+    /// A fit that is repeated with points over the stretches where it swings out, and nearer to the points where it crosses itself.
+    fn supported(&self, method: Method) -> Result<Attempt, Error> {
+        let sequence = self.sequence;
+        let mut support = Support::none(sequence);
+        let mut best = self.attempt(method, &support)?;
+        // Parameters that go to and fro say nothing about what is between two rows.
+        if !sequence.parameters.iter().is_sorted() {
+            return Ok(best);
+        }
+        let rounds = if method == Method::Ls { MAX_SUPPORT_ROUNDS } else { 1 };
+        let frame = Frame::new(sequence, self.is_function());
+        let polygon = polygon_of(sequence, &frame);
+        let (mut swings, mut crossed) = (best.judgement.swings.clone(), best.judgement.crossed.clone());
+        for _ in 0..rounds {
+            let further = support.with(sequence, &frame, &polygon, &swings);
+            if further.is_none() && crossed.is_empty() {
+                break;
+            }
+            support = further.unwrap_or(support).demanding(&crossed);
+            let Ok(mut next) = self.attempt(method, &support) else { break };
+            swings.clone_from(&next.judgement.swings);
+            crossed.clone_from(&next.judgement.crossed);
+            if support.stretches() > 0 {
+                next.warnings.push(format!(
+                    "between {} pairs of neighbouring points the curve swung out, and is held by {} further points there",
+                    support.stretches(),
+                    support.len()
+                ));
+            }
+            if support.is_demanding() {
+                next.warnings.push("the curve crossed itself, and is nearer to the points there than asked".to_owned());
+            }
+            if !best.is_better_than(&next) {
+                best = next;
+            }
+        }
+        Ok(best)
+    }
+
+    fn attempt(&self, method: Method, support: &Support) -> Result<Attempt, Error> {
+        let Self { sequence, options, tolerance, diagonal } = *self;
+        let m = sequence.points.nrows();
+        let all = m + support.len();
+        let (parameters, points) = support.beside(sequence);
+        let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [start_knots(sequence, options)?])?);
+        let length = sequence.domain.1 - sequence.domain.0;
+        let mut warnings = Vec::new();
+        let mut fitting = fit_ls::Options {
+            lambda: options.lambda.resolve(tolerance, diagonal),
+            lengths: [1.0 / length],
+            ..fit_ls::Options::default()
+        };
+        if fitting.lambda == Lambda::Fixed(0.0) && !schoenberg_whitney(space.knots(0, 0)?, &parameters.to_vec()) {
+            let lambda = least_lambda(&parameters, &points, &space, &fitting)?;
+            warnings.push(format!(
+                "between corners or knots there are too few points to determine the curve; it is drawn calm there by the \
+                 smoothing weight {lambda:.1e}"
+            ));
+            fitting.lambda = Lambda::Fixed(lambda);
+        }
+        let shortest = length * 0.5_f64.powi(options.halvings as i32);
+        let with_method = CurveOptions { method, ..options.clone() };
+        let moving = moving_options(&with_method, tolerance);
+        // Of all points as many may be beyond the tolerance as of those of the sequence.
+        let within = 1.0 - (1.0 - options.within) * m as f64 / all as f64;
+        let mut method =
+            CurveMethod::new(sequence, support, fitting, moving, options.mark.0, shortest, tolerance, within)?;
+        let adapts = options.knots == KnotChoice::Adaptive;
+        let rules = adaptive::Options {
+            tolerance,
+            within,
+            marking: options.mark.0,
+            max_dofs: options.max_dofs.unwrap_or(all),
+            // Marking a share inserts few knots at a time.
+            max_iterations: if adapts { all.max(50) } else { 1 },
+            ..adaptive::Options::default()
+        };
+        let mut observer = |_: &Iteration| ControlFlow::Continue(());
+        let Outcome { map, stop, failure, history, .. } = adaptive::run(&mut method, space, &rules, &mut observer)?;
+        if let Some(failure) = failure {
+            warnings.push(format!("the last knots that were inserted could not be solved for: {failure}"));
+        }
+        let (parameters, errors) = (method.parameters(), method.errors(&map)?);
+        let judgement = judge(&Subject {
+            map: &map,
+            sequence,
+            parameters: &parameters,
+            errors: &errors,
+            tolerance,
+            within: options.within,
+            is_function: self.is_function(),
+        })?;
+        let moves = method.moves();
+        Ok(Attempt {
+            parameters,
+            errors,
+            lambda: method.lambda(),
+            stop: if !adapts && stop == Stop::Iterations { "fixed-knots" } else { stop.name() },
+            history: history.iter().enumerate().map(|(k, record)| CurveIteration::new(record, moves.get(k))).collect(),
+            warnings,
+            judgement,
+            support_points: support.len(),
+            map,
+        })
+    }
 }
 
 /// The smallest power of ten, times the number of points, with which a fit in the first space stays near its points.
 fn least_lambda(
-    sequence: &Sequence,
+    parameters: &Array1<f64>,
+    points: &Array2<f64>,
     space: &Arc<HierarchicalSpace<1>>,
     fitting: &fit_ls::Options<1>,
 ) -> Result<f64, Error> {
-    let bounds = BoundingBox::of(sequence.points.view())?;
+    let bounds = BoundingBox::of(points.view())?;
     let limit = FAR * bounds.diagonal();
-    let (parameters, points) = (sequence.parameters.view().insert_axis(Axis(1)), sequence.points.view());
+    let (parameters, points) = (parameters.view().insert_axis(Axis(1)), points.view());
     let mut failure = fit_ls::Error::NoPoints;
     for exponent in LEAST_EXPONENTS {
         let lambda = 10.0_f64.powi(exponent) * points.nrows() as f64;

@@ -9,10 +9,16 @@ use ndarray::{Array1, Array2, Axis};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Mark, Refinement, SplineMap};
 
 use super::sequence::Sequence;
+use super::support::Support;
 
 /// A fit of a sequence in one space after the other.
 pub(super) struct CurveMethod<'a> {
     sequence: &'a Sequence,
+    support: &'a Support,
+    /// The points of the sequence, and after them those that are laid over sparse stretches.
+    points: Array2<f64>,
+    /// Their first parameters.
+    first: Array2<f64>,
     fitting: fit_ls::Options<1>,
     /// Moves parameters, if that is asked for.
     moving: Option<MovingFit<1>>,
@@ -28,11 +34,14 @@ pub(super) struct CurveMethod<'a> {
     places: Vec<Option<f64>>,
     /// The spans to divide, worst first.
     marked: Vec<usize>,
+    /// The errors, sorted by spans, times the demands on their points.
+    demanded: Vec<f64>,
 }
 
 impl<'a> CurveMethod<'a> {
     pub(super) fn new(
         sequence: &'a Sequence,
+        support: &'a Support,
         fitting: fit_ls::Options<1>,
         moving: Option<moving_param::Options>,
         marking: Marking,
@@ -40,18 +49,35 @@ impl<'a> CurveMethod<'a> {
         tolerance: f64,
         within: f64,
     ) -> Result<Self, moving_param::Error> {
-        let parameters = sequence.parameters.view().insert_axis(Axis(1));
-        let points = sequence.points.view();
-        let fixed = LeastSquares::new(parameters, points, None, fitting.clone())?;
-        let moving =
-            moving.map(|options| MovingFit::new(parameters, points, None, fitting.clone(), options)).transpose()?;
-        let (places, marked) = (Vec::new(), Vec::new());
-        Ok(Self { sequence, fitting, moving, fixed, marking, tolerance, within, shortest, places, marked })
+        let (parameters, points) = support.beside(sequence);
+        let first = parameters.insert_axis(Axis(1));
+        let fixed = LeastSquares::new(first.view(), points.view(), None, fitting.clone())?;
+        let moving = moving
+            .map(|options| MovingFit::new(first.view(), points.view(), None, fitting.clone(), options))
+            .transpose()?;
+        let (places, marked, demanded) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self {
+            sequence,
+            support,
+            points,
+            first,
+            fitting,
+            moving,
+            fixed,
+            marking,
+            tolerance,
+            within,
+            shortest,
+            places,
+            marked,
+            demanded,
+        })
     }
 
-    /// The present parameters, in the order of the points.
-    pub(super) fn parameters(&self) -> Array2<f64> {
-        self.fixed.points().parameters_as_given()
+    /// The present parameters of the points of the sequence, in their order.
+    pub(super) fn parameters(&self) -> Array1<f64> {
+        let all = self.fixed.points().parameters_as_given();
+        all.column(0).iter().take(self.sequence.points.nrows()).copied().collect()
     }
 
     /// What happened to the parameters in each space.
@@ -63,10 +89,12 @@ impl<'a> CurveMethod<'a> {
         self.fixed.lambda().unwrap_or(0.0)
     }
 
-    /// Distances at the present parameters, in the order of the points.
+    /// Distances of the points of the sequence at their present parameters, in their order.
     pub(super) fn errors(&mut self, map: &SplineMap<1>) -> Result<Array1<f64>, fit_ls::Error> {
         let sorted = self.fixed.distances(map)?.to_vec();
-        Ok(self.fixed.points().as_given(&sorted).into())
+        let mut errors = self.fixed.points().as_given(&sorted);
+        errors.truncate(self.sequence.points.nrows());
+        Ok(errors.into())
     }
 
     /// The end coefficients, where the first and the last point are kept.
@@ -93,7 +121,7 @@ impl Solve<1> for CurveMethod<'_> {
             let solution = moving.solve(space, None)?;
             let lambda = Lambda::Fixed(moving.lambda().unwrap_or(0.0));
             let fitting = fit_ls::Options { lambda, ..self.fitting.clone() };
-            self.fixed = LeastSquares::new(moving.parameters().view(), self.sequence.points.view(), None, fitting)?;
+            self.fixed = LeastSquares::new(moving.parameters().view(), self.points.view(), None, fitting)?;
             if ends.is_empty() {
                 return Ok(solution);
             }
@@ -104,7 +132,10 @@ impl Solve<1> for CurveMethod<'_> {
     }
 
     fn estimate(&mut self, map: &SplineMap<1>) -> Result<Estimate<'_>, moving_param::Error> {
-        self.fixed.distances(map)?;
+        let distances = self.fixed.distances(map)?.to_vec();
+        let demands = self.support.demands();
+        let order = self.fixed.points().order();
+        self.demanded = distances.iter().zip(order).map(|(d, &i)| d * demands[i as usize]).collect();
         let parameters = self.fixed.points().parameters(0);
         let offsets = self.fixed.points().offsets();
         self.places = (0..map.space().n_cells())
@@ -114,7 +145,7 @@ impl Solve<1> for CurveMethod<'_> {
                 dividing_place(cell.lower[0], cell.upper[0], inside, self.shortest)
             })
             .collect();
-        let estimate = self.fixed.estimate(map)?;
+        let estimate = Estimate { offsets, errors: &self.demanded, children: &[] };
         let threshold = |errors: &[f64]| self.marking.threshold(errors, self.tolerance, self.within);
         self.marked = mark_divisible(estimate, &self.places, map.space().degree()[0], threshold);
         Ok(estimate)
@@ -134,7 +165,7 @@ impl Solve<1> for CurveMethod<'_> {
         let knots = space.knots(0, 0)?;
         let present = self.fixed.points().parameters(0);
         // Moves that do harm are undone, and then the first parameters have to determine the curve.
-        let first = self.moving.is_some().then(|| self.sequence.parameters.to_vec());
+        let first = self.moving.is_some().then(|| self.first.column(0).to_vec());
         let sites = std::iter::once(present).chain(first.as_deref());
         let determined =
             |finer: &KnotVector| self.lambda() > 0.0 || sites.clone().all(|sites| schoenberg_whitney(finer, sites));

@@ -2,7 +2,8 @@
 //!
 //! [`fit_curve_file`] reads a sequence, [`fit_sequence`] takes an array. Corners and whether the curve is closed are found
 //! or given, parameters laid out, and knots placed: adaptively, by inserting dyadic points into the spans with the largest
-//! errors (Imperatore 2024, §4.1.6 (c)), or a fixed number by averaging.
+//! errors (Imperatore 2024, §4.1.6 (c)), or a fixed number by averaging. Where the curve swings out between points it is
+//! fitted again with points on the line between them. [`CurveResult::verdict`] says whether it is near its points everywhere.
 //!
 //! ```
 //! use ndarray::Array2;
@@ -20,20 +21,26 @@
 //! ```
 
 mod choices;
+mod closing;
 mod corners;
+mod crossing;
 mod fitting;
 mod method;
 mod options;
 mod output;
+mod polygon;
 mod report;
 mod sequence;
 mod start;
+mod support;
+mod verdict;
 
 pub use choices::{ClosedChoice, CornerChoice, CurveParameters, Ends, KnotChoice};
 pub use fitting::{CurveFit, fit_curve_file, fit_sequence};
 pub use options::CurveOptions;
 pub use output::{check_curve_outputs, write_curve};
 pub use report::{CurveInput, CurveIteration, CurveReport, CurveResult};
+pub use verdict::CurveLimits;
 
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,9 @@ use std::fmt;
 use serde::Serialize;
 
 use super::options::CurveOptions;
+use deviation::{Reason, Verdict};
+
+use super::verdict::CurveLimits;
 use crate::MovesReport;
 
 /// Report of one curve. Keys are added by later versions, never renamed within a schema.
@@ -80,8 +83,25 @@ pub struct CurveResult {
     pub seconds: f64,
     /// Why the loop ended: tolerance, levels, too-few-points, max-dofs, stagnation, iterations, fixed-knots, failed.
     pub stop: &'static str,
-    /// Whether the asked share of points is within the tolerance.
+    /// Whether the asked share of points is within the tolerance at their parameters.
     pub reached: bool,
+    /// Whether the curve can be used.
+    pub verdict: Verdict,
+    /// Why it is not good; worst first.
+    pub reasons: Vec<Reason>,
+    /// With what the verdict compares.
+    pub limits: CurveLimits,
+    /// Share of the points within the tolerance of their closest point on the curve, weighed by spacing; of a graph at their
+    /// parameters.
+    pub share: f64,
+    /// Largest distance of the curve from the polygon of the points beyond what the turning of the polygon explains.
+    pub swing: f64,
+    /// Diagonal of the box around the curve over that of the box that points and turning explain.
+    pub box_ratio: f64,
+    /// Places where the curve crosses itself and the polygon of the points doesn't; null in space and for graphs.
+    pub crossings: Option<usize>,
+    /// Points that were laid over sparse stretches, where the curve swung out without them.
+    pub support_points: usize,
 }
 
 /// One iteration.
@@ -140,6 +160,14 @@ impl fmt::Display for CurveReport {
             result.tolerance,
             result.stop
         )?;
-        self.warnings.iter().try_for_each(|warning| writeln!(f, "note: {warning}"))
+        writeln!(f, "{}", result.verdict)
+    }
+}
+
+impl CurveReport {
+    /// What a person should be told, a sentence each: first the reasons of the verdict, then the warnings.
+    pub fn sentences(&self) -> impl Iterator<Item = String> {
+        let reasons = self.result.reasons.iter().map(|reason| format!("{}: {}", reason.verdict, reason.text));
+        reasons.chain(self.warnings.iter().map(|warning| format!("note: {warning}")))
     }
 }

@@ -4,19 +4,15 @@ use geom_io::{ReadError, ReadErrorKind, ReadOptions, Scan, read_scan};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, concatenate};
 use param_classic::parameterize_sequence;
 use param_nn::sequence_parameters;
+use point_cloud::BoundingBox;
 
 use super::choices::{ClosedChoice, CornerChoice, CurveParameters, Ends};
+use super::closing::{FEWEST_REPEATED, Meeting, Repeated, meeting, repeated};
 use super::corners::find_corners;
 use super::options::CurveOptions;
 use crate::Error;
 use crate::parameters::extent;
 use std::path::Path;
-
-/// Fewest points of a sequence that is taken to be closed though its last point is not its first one.
-const FEWEST_CLOSED: usize = 8;
-
-/// Distance of the ends of such a sequence, in median steps, up to which it is closed: steps of one length, with noise.
-const ONE_STEP: f64 = 1.5;
 
 /// How a curve ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +51,8 @@ pub(super) struct Sequence {
     pub(super) corners: Vec<usize>,
     /// All corners as rows of the input.
     pub(super) corner_rows: Vec<usize>,
+    /// Rows of the input, of all points.
+    pub(super) rows: Vec<usize>,
     pub(super) method: &'static str,
     pub(super) notes: Vec<String>,
 }
@@ -142,6 +140,7 @@ fn graph(points: &Array2<f64>, mut notes: Vec<String>, options: &CurveOptions) -
         closing: Closing::Open,
         held: options.ends == Ends::Held,
         corner_rows,
+        rows: order,
         method: "graph",
         notes,
     })
@@ -170,6 +169,7 @@ fn with_given(
     corners.sort_by(|&a, &b| parameters[a].total_cmp(&parameters[b]));
     Ok(Sequence {
         corners: inner(corners, &parameters, domain),
+        rows: (0..points.nrows()).collect(),
         points,
         parameters,
         domain,
@@ -183,19 +183,13 @@ fn with_given(
 
 fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOptions) -> Result<Sequence, Error> {
     let rows_given = points.nrows();
-    let repeated = points.row(0) == points.row(rows_given - 1);
     // Values alone have neither length nor direction: they are functions of their number.
     let are_values = points.ncols() == 1;
-    let closed = match options.closed {
-        ClosedChoice::Yes => true,
-        ClosedChoice::No => false,
-        ClosedChoice::Auto if are_values => false,
-        ClosedChoice::Auto => repeated && rows_given > 3 || ends_meet(points.view()),
-    };
-    if closed && repeated && rows_given > 2 {
-        points.remove_index(Axis(0), rows_given - 1);
-    }
-    let m = points.nrows();
+    let (closed, again) = closes(points.view(), are_values, &mut notes, options)?;
+    let m = rows_given - again.len();
+    let (turn, beyond) = points.view().split_at(Axis(0), m);
+    let (turn, beyond) = (turn.to_owned(), beyond.to_owned());
+    points = turn;
     let corner_rows = match &options.corners {
         CornerChoice::Auto if !are_values => find_corners(points.view(), closed),
         CornerChoice::Auto | CornerChoice::None => Vec::new(),
@@ -209,10 +203,13 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
         (true, None) => Closing::Periodic,
         (true, Some(_)) => Closing::AtCorner,
     };
-    if let (Closing::AtCorner, Some(&first)) = (closing, corners.first()) {
+    let mut rows: Vec<usize> = (0..m).collect();
+    let mut first = 0;
+    if let (Closing::AtCorner, Some(&corner)) = (closing, corners.first()) {
         // The seam is laid into the first corner, which then stands at both ends.
-        let order: Vec<usize> = (first..m).chain(0..=first).collect();
-        points = points.select(Axis(0), &order);
+        first = corner;
+        rows = (first..m).chain(0..=first).collect();
+        points = points.select(Axis(0), &rows);
         corners.iter_mut().for_each(|corner| *corner -= first);
         if first > 0 {
             notes.push(format!("the curve starts at row {first}, a corner"));
@@ -226,7 +223,7 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
     let parameters = parameters_of(points.view(), closing, param)?;
     let domain = (0.0, 1.0);
     let held = closing == Closing::AtCorner || closing == Closing::Open && options.ends == Ends::Held;
-    Ok(Sequence {
+    let sequence = Sequence {
         corners: inner(corners, &parameters, domain),
         points,
         parameters,
@@ -234,6 +231,7 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
         closing,
         held,
         corner_rows,
+        rows,
         method: match param {
             CurveParameters::Centripetal => "centripetal",
             CurveParameters::Parcnn => "parcnn",
@@ -241,7 +239,98 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
             _ => "chord",
         },
         notes,
-    })
+    };
+    Ok(sequence.with_repeated(beyond.view(), &again, first))
+}
+
+/// Whether points close, and what stands at their end that the turn has already: its first point again, or more of them.
+fn closes(
+    points: ArrayView2<'_, f64>,
+    are_values: bool,
+    notes: &mut Vec<String>,
+    options: &CurveOptions,
+) -> Result<(bool, Vec<Repeated>), Error> {
+    let last = points.nrows() - 1;
+    let has_first_again = points.row(0) == points.row(last);
+    if options.closed == ClosedChoice::No || options.closed == ClosedChoice::Auto && are_values {
+        return Ok((false, Vec::new()));
+    }
+    let asked = options.closed == ClosedChoice::Yes;
+    let meeting = meeting(points);
+    let near = asked || has_first_again && last > 2 || matches!(meeting, Meeting::Near | Meeting::OverGap);
+    let beside = if asked { BESIDE_TOLERANCES * options.tol.resolve(BoundingBox::of(points)?.diagonal()) } else { 0.0 };
+    let again = if are_values || has_first_again {
+        Vec::new()
+    } else {
+        repeated(points, beside, if near { 1 } else { FEWEST_REPEATED })
+    };
+    let closed = near || !again.is_empty();
+    if !again.is_empty() {
+        notes.push(format!(
+            "the last {} points, from row {} on, go round once more and are fitted with the first ones",
+            again.len(),
+            points.nrows() - again.len()
+        ));
+    } else if !asked && !has_first_again {
+        match meeting {
+            Meeting::OverGap => notes.push(
+                "the ends are apart by no more than other neighbours there, and the curve is closed; --closed no leaves it \
+                 open"
+                .to_owned(),
+            ),
+            Meeting::Nearly(steps) => notes.push(format!(
+                "the ends are {steps:.1} mean steps apart, and the curve is taken to be open; --closed yes closes it"
+            )),
+            Meeting::Near | Meeting::Apart => {}
+        }
+    }
+    // The first point again is one place of a closed curve.
+    let again = if closed && has_first_again && last > 1 { vec![Repeated::DROPPED] } else { again };
+    Ok((closed, again))
+}
+
+/// Distance, in tolerances, within which points of a closed curve stand beside its first steps.
+///
+/// Derived: both are within one tolerance of the curve.
+const BESIDE_TOLERANCES: f64 = 2.0;
+
+impl Sequence {
+    /// The same with points `(k, N)` that go round once more, merged by their parameters; `first` is where the sequence
+    /// starts in the turn.
+    fn with_repeated(mut self, beyond: ArrayView2<'_, f64>, again: &[Repeated], first: usize) -> Self {
+        let turn = self.points.nrows() - usize::from(self.closing == Closing::AtCorner);
+        let further: Vec<(f64, usize)> = again
+            .iter()
+            .enumerate()
+            .filter(|(_, place)| **place != Repeated::DROPPED)
+            .map(|(k, place)| {
+                let at = (place.step + turn - first) % turn;
+                let (from, to) = (self.parameters[at], self.parameters.get(at + 1).copied().unwrap_or(self.domain.1));
+                (from + place.share * (to - from), k)
+            })
+            .collect();
+        if further.is_empty() {
+            return self;
+        }
+        let m = self.points.nrows();
+        let mut order: Vec<(f64, usize)> = self.parameters.iter().copied().zip(0..m).collect();
+        order.extend(further.iter().map(|&(u, k)| (u, m + k)));
+        // A stable sort: of equal parameters those of the turn come first, and the corner at the end stays there.
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let dimension = self.points.ncols();
+        let points = Array2::from_shape_fn((order.len(), dimension), |(i, k)| match order[i].1 {
+            at if at < m => self.points[[at, k]],
+            at => beyond[[at - m, k]],
+        });
+        let rows = order.iter().map(|&(_, at)| if at < m { self.rows[at] } else { turn + at - m }).collect();
+        let mut place = vec![0; m];
+        order.iter().enumerate().filter(|(_, (_, at))| *at < m).for_each(|(i, &(_, at))| place[at] = i);
+        self.corners.iter_mut().for_each(|corner| *corner = place[*corner]);
+        self.parameters = order.iter().map(|&(u, _)| u).collect();
+        self.points = points;
+        self.rows = rows;
+        self
+    }
 }
 
 /// Parameters in [0, 1]; of a periodic curve they end one step before 1.
@@ -263,22 +352,6 @@ fn parameters_of(points: ArrayView2<'_, f64>, closing: Closing, param: CurvePara
     })?;
     let all = of(round.view())?;
     Ok(all.select(Axis(0), &(0..points.nrows()).collect::<Vec<_>>()))
-}
-
-/// Whether the last point is as near to the first one as neighbours typically are.
-fn ends_meet(points: ArrayView2<'_, f64>) -> bool {
-    let m = points.nrows();
-    if m < FEWEST_CLOSED {
-        return false;
-    }
-    let distance = |a: usize, b: usize| {
-        let step = &points.row(b) - &points.row(a);
-        step.dot(&step).sqrt()
-    };
-    let mut steps: Vec<f64> = (1..m).map(|i| distance(i - 1, i)).collect();
-    let middle = steps.len() / 2;
-    let median = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-    distance(0, m - 1) <= ONE_STEP * median
 }
 
 /// The corners whose parameters lie inside the domain: at its ends there is nothing to do.
