@@ -7,11 +7,11 @@ use std::time::Instant;
 use adaptive::Stop;
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2, Axis};
-use point_cloud::{BoundingBox, loop_length};
+use point_cloud::loop_length;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
-use crate::options::BoundaryChoice;
+use crate::options::{BoundaryChoice, Pair};
 use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
@@ -97,9 +97,19 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let mut warnings = laid_out.warnings.clone();
     let points = &laid_out.points;
+    let for_few = options.for_few(points.nrows());
+    let options = for_few.as_ref().unwrap_or(options);
+    if for_few.is_some() {
+        warnings.push(format!(
+            "{} points start with degree {} and {} elements, so that they are no fewer than the functions; --mesh starts with more",
+            points.nrows(),
+            options.degree,
+            Pair(options.elements())
+        ));
+    }
     let diagonal = match options.reweighting.robust {
         Some(_) => robust_diagonal(points.view(), laid_out.parameters.view())?,
-        None => BoundingBox::of(points.view())?.diagonal(),
+        None => laid_out.diagonal,
     };
     let tolerance = options.tol.resolve(diagonal);
     tracing::info!(

@@ -42,6 +42,7 @@ mod trim;
 mod watch;
 
 pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
+pub use clean::CleaningReport;
 pub use curve::{
     ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveOptions, CurveParameters, CurveReport,
     CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file, fit_sequence, write_curve,

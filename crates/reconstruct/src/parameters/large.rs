@@ -133,6 +133,7 @@ pub(super) fn lay_out(
         warnings: part.warnings,
         reversed: false,
         is_height_field: false,
+        merged: part.merged,
     })
 }
 
