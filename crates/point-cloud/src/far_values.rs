@@ -61,6 +61,8 @@ const FEWEST: usize = 9;
 pub struct FarValues {
     /// Rows of the points with such a value, increasing.
     pub rows: Vec<u32>,
+    /// How many of them share such a value with others, as cells do that hold a value for "no data".
+    pub fills: usize,
     /// The box of the other points.
     pub bounds: BoundingBox,
 }
@@ -85,7 +87,7 @@ impl FarValues {
     /// Those of [`FarValues::of_cloud`].
     pub fn of_mesh(mesh: &TriangleMesh) -> Result<Self, CloudError> {
         let points = mesh.vertices.view();
-        let found = Self::beyond_gaps(points, [MESH_GAP_PER_DIAGONAL; 2])?;
+        let mut found = Self::beyond_gaps(points, [MESH_GAP_PER_DIAGONAL; 2])?;
         if found.rows.is_empty() {
             return Ok(found);
         }
@@ -105,11 +107,18 @@ impl FarValues {
             }
         }
         let allowed = (MOST_TRIANGLES * mesh.triangles.len() as f64).max(ALWAYS_TRIANGLES as f64);
-        if lost as f64 > allowed || lost == mesh.triangles.len() { Self::none(points) } else { Ok(found) }
+        if lost as f64 > allowed || lost == mesh.triangles.len() {
+            return Self::none(points);
+        }
+        let mut is_used = vec![false; points.nrows()];
+        mesh.triangles.iter().filter(in_range).flatten().for_each(|&v| is_used[v as usize] = true);
+        found.rows.retain(|&v| is_used[v as usize]);
+        found.fills = found.fills.min(found.rows.len());
+        Ok(found)
     }
 
     fn none(points: ArrayView2<'_, f64>) -> Result<Self, CloudError> {
-        Ok(Self { rows: Vec::new(), bounds: BoundingBox::of(points)? })
+        Ok(Self { rows: Vec::new(), fills: 0, bounds: BoundingBox::of(points)? })
     }
 
     fn beyond_gaps(points: ArrayView2<'_, f64>, gaps: [f64; 2]) -> Result<Self, CloudError> {
@@ -150,8 +159,19 @@ impl FarValues {
         if !rows.is_empty() {
             tracing::info!(count = rows.len(), "found values far beyond the rest");
         }
+        let mut values: Vec<(usize, u64, u32)> = Vec::new();
+        for &i in &rows {
+            let far = points.row(i as usize).into_iter().zip(&limits).enumerate();
+            let far = far.filter(|(_, (x, [lower, upper]))| !(*lower..=*upper).contains(x));
+            values.extend(far.map(|(axis, (x, _))| (axis, x.to_bits(), i)));
+        }
+        values.sort_unstable();
+        let shared = values.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(|same| same.len() > 1);
+        let mut fills: Vec<u32> = shared.flatten().map(|value| value.2).collect();
+        fills.sort_unstable();
+        fills.dedup();
         let others: Vec<usize> = others.into_iter().map(|i| i as usize).collect();
-        Ok(Self { rows, bounds: BoundingBox::of(points.select(Axis(0), &others).view())? })
+        Ok(Self { rows, fills: fills.len(), bounds: BoundingBox::of(points.select(Axis(0), &others).view())? })
     }
 }
 
@@ -280,7 +300,8 @@ mod tests {
         points[[32, 2]] = -9999.0;
         points[[33, 2]] = 1e30;
         (0..3).for_each(|k| points[[390, k]] = -9999.0);
-        assert_eq!(FarValues::of_cloud(points.view()).unwrap().rows, [7, 31, 32, 33, 390]);
+        let found = FarValues::of_cloud(points.view()).unwrap();
+        assert_eq!((&found.rows[..], found.fills), (&[7, 31, 32, 33, 390][..], 2));
         // Random spikes of all lengths.
         for k in 0..12 {
             points[[100 + k, 2]] = 1e4 + 8e4 * k as f64;
@@ -289,7 +310,8 @@ mod tests {
         // As many equal values as a grid may have cells without data.
         let mut points = terrain(20, 50.0, 4.0);
         (0..100).for_each(|i| points[[i, 2]] = -9999.0);
-        assert_eq!(FarValues::of_cloud(points.view()).unwrap().rows.len(), 100);
+        let found = FarValues::of_cloud(points.view()).unwrap();
+        assert_eq!((found.rows.len(), found.fills), (100, 100));
     }
 
     #[test]
@@ -327,6 +349,12 @@ mod tests {
                 assert_eq!(FarValues::of_mesh(&mesh).unwrap().rows, [n as u32 + 1], "{n} {far}");
             }
         }
+        // A vertex of no triangle is not told, and does not count for the box.
+        let mut mesh = lattice_mesh(9);
+        let diagonal = BoundingBox::of(mesh.vertices.view()).unwrap().diagonal();
+        mesh.vertices = ndarray::concatenate![Axis(0), mesh.vertices, array![[1e5, 0.0, 0.0]]];
+        let found = FarValues::of_mesh(&mesh).unwrap();
+        assert_eq!((found.rows, found.bounds.diagonal()), (vec![], diagonal));
         // A finely meshed hole in a plate whose four corners are far away.
         let ring = 200;
         let mut vertices = Array2::from_shape_fn((ring + 4, 3), |(i, k)| {

@@ -16,8 +16,8 @@ const NEIGHBOURS: usize = 12;
 /// Neighbours nearer than this share of the distance to the next one are copies.
 ///
 /// Derived: on a random sheet the nearest of two neighbours is nearer than the share x of the other with probability x², here
-/// once in 2500 points, and leaving out such a point does no harm.
-const NEAR: f64 = 0.02;
+/// once in 10⁴ points, and leaving out such a point does no harm.
+const NEAR: f64 = 0.01;
 
 /// The same where [`COPIED`] of the points have copies that near.
 ///
@@ -74,7 +74,7 @@ impl Duplicates {
     /// other rounding: far nearer to each other than to the next point around, and than the spacing. `keeps` tells of points that
     /// stay though an earlier one is equal.
     ///
-    /// Copies are neighbours within 2 % of the distance to the first neighbour that is none; where a quarter of the points has copies within
+    /// Copies are neighbours within 1 % of the distance to the first neighbour that is none; where a quarter of the points has copies within
     /// 15 %, these too, and all pairs within the distances of nearly all copies and a tenth of the spacing. O(m log m).
     ///
     /// # Errors
@@ -176,9 +176,12 @@ impl Duplicates {
     }
 }
 
-/// Distance of the last of the neighbours at these increasing distances that is nearer than a share of the next one; 0 without.
-fn copies_within(distances: &[f64], share: f64) -> f64 {
-    distances.windows(2).rev().find(|pair| pair[0] < share * pair[1]).map_or(0.0, |pair| pair[0])
+/// Distance of the neighbour, among those at these increasing distances, that is nearest as a share of the next one's distance; 0 if
+/// the share is not below `most`.
+fn copies_within(distances: &[f64], most: f64) -> f64 {
+    let share = |pair: &[f64]| if pair[1] > 0.0 { pair[0] / pair[1] } else { 1.0 };
+    let nearest = distances.windows(2).min_by(|a, b| share(a).total_cmp(&share(b)));
+    nearest.filter(|pair| share(pair) < most).map_or(0.0, |pair| pair[0])
 }
 
 /// A mesh whose nearly equal vertices were made one.

@@ -42,7 +42,9 @@ pub struct CleaningReport {
     pub given: usize,
     /// Points with values far beyond the rest: fill values, coordinates that went wrong.
     pub sentinels: usize,
-    /// Their rows.
+    /// How many of these share such a value with others, as cells without data do.
+    pub fill_values: usize,
+    /// Rows of the sentinels.
     pub sentinel_rows: Vec<u32>,
     /// Points that stand alone, away from the surface.
     pub outliers: usize,
@@ -53,9 +55,10 @@ pub struct CleaningReport {
 }
 
 impl CleaningReport {
-    /// Share of the different points that were set aside: sentinels and outliers, not copies.
+    /// Share of the different points that were set aside: sentinels and outliers, but neither copies nor fill values, which are no points.
     pub fn share_set_aside(&self) -> f64 {
-        (self.sentinels + self.outliers) as f64 / (self.given - self.merged.min(self.given)).max(1) as f64
+        (self.sentinels - self.fill_values.min(self.sentinels) + self.outliers) as f64
+            / (self.given - self.merged.min(self.given)).max(1) as f64
     }
 
     fn warnings(&self) -> Vec<String> {
@@ -257,7 +260,9 @@ impl Cleaned {
 
     /// Sets points with values far beyond the rest aside. A grid that is laid out along its lines stays full, with gaps.
     fn set_far_values_aside(&mut self, options: &ParameterOptions) -> Result<(), Error> {
-        let far = far_values(self.scan.cloud.points.view(), self.scan.triangles.as_deref())?.rows;
+        let FarValues { rows: far, fills, .. } =
+            far_values(self.scan.cloud.points.view(), self.scan.triangles.as_deref())?;
+        self.report.fill_values = fills;
         if far.is_empty() {
             return Ok(());
         }
