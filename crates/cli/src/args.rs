@@ -456,7 +456,8 @@ pub(crate) struct ParamArgs {
 pub(crate) struct LayoutArgs {
     #[command(flatten)]
     read: ReadArgs,
-    /// Remove points: outliers (neighbours unusually far away), stray (all pieces but the largest).
+    /// Remove points: outliers (neighbours unusually far away), stray (all pieces but the largest). Without, values far beyond the rest,
+    /// points that stand alone and copies are set aside, with a warning; none keeps them too.
     #[arg(long, value_delimiter = ',', value_name = "WHAT", help_heading = "How it is cleaned")]
     clean: Vec<Clean>,
     /// Keep at most as many points, well spread.

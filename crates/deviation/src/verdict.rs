@@ -71,7 +71,7 @@ pub struct Thresholds {
     pub box_ratio: f64,
     /// Share of the surface's area that may be folded over.
     pub folded: f64,
-    /// Share of the points that may be left out unasked for a good surface.
+    /// Share of the points that may be set aside unasked for a good surface.
     pub left_out: f64,
 }
 
@@ -93,6 +93,22 @@ impl Thresholds {
     /// Whether the share of the area asked for holds.
     pub fn is_within(&self, share: f64) -> bool {
         share >= self.within - self.slack
+    }
+
+    /// Why a surface is not good where a share of the points was set aside unasked; `None` if that share is small.
+    pub fn set_aside(&self, share: f64) -> Option<Reason> {
+        (share > self.left_out).then(|| Reason {
+            code: "points-set-aside",
+            verdict: Verdict::Usable,
+            text: format!(
+                "{:.1} % of the points were set aside unasked as values far beyond the rest or points that stand alone: look whether \
+                 they were",
+                100.0 * share
+            ),
+            figure: share,
+            limit: self.left_out,
+            place: None,
+        })
     }
 
     /// Why a surface is not good; nothing if it is.

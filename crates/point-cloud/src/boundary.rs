@@ -3,6 +3,7 @@
 use ndarray::{ArrayView2, Axis};
 
 use crate::cloud_mesh::{CloudMesh, STAR_NEIGHBOURS};
+use crate::edges::DisjointSets;
 use crate::local_frame::{Frames, median};
 use crate::neighbours::rows;
 use crate::sampling::Sampling;
@@ -104,7 +105,7 @@ impl CloudBoundary {
 /// O(m log m).
 ///
 /// # Errors
-/// [`CloudError::ClosedCloud`], [`CloudError::CloudPieces`], [`CloudError::NoSurface`] (each says what to do),
+/// [`CloudError::ClosedCloud`], [`CloudError::CloudPieces`], [`CloudError::NoSurface`], [`CloudError::AlongCurve`] (each says what to do),
 /// [`CloudError::BadOption`], [`CloudError::WrongDimension`], those of [`check_surface_cloud`] for 16 points.
 pub fn find_boundary(points: ArrayView2<'_, f64>, params: &BoundaryParams) -> Result<CloudBoundary, CloudError> {
     params.check()?;
@@ -140,6 +141,9 @@ pub fn find_boundary(points: ArrayView2<'_, f64>, params: &BoundaryParams) -> Re
         return Err(CloudError::CloudPieces { sizes, reach });
     }
     if (joined as f64) < params.coverage * m as f64 {
+        if is_path(&CloudTree::new(&distinct)?) {
+            return Err(CloudError::AlongCurve { points: m });
+        }
         return Err(no_surface(joined));
     }
     if mesh.loops.is_empty() {
@@ -176,6 +180,34 @@ pub fn find_boundary(points: ArrayView2<'_, f64>, params: &BoundaryParams) -> Re
         result.triangles = None;
     }
     Ok(result)
+}
+
+/// Neighbours among which the shortest edges of a tree over all points are looked for.
+const PATH_NEIGHBOURS: usize = 8;
+
+/// Whether the minimum spanning tree of the points has no branch: they follow one curve.
+fn is_path(tree: &CloudTree<'_>) -> bool {
+    let m = tree.points.len();
+    let near = tree.all_nearest(PATH_NEIGHBOURS);
+    let mut edges: Vec<(f64, u32, u32)> = (0..m)
+        .flat_map(|i| near.of(i).iter().zip(near.distances_of(i)).map(move |(&j, &d)| (d, i as u32, j)))
+        .collect();
+    edges.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let mut sets = DisjointSets::new(m);
+    let (mut degree, mut joined) = (vec![0u8; m], 1);
+    for (_, a, b) in edges {
+        if sets.root(a) != sets.root(b) {
+            sets.join(a, b);
+            joined += 1;
+            for end in [a, b] {
+                degree[end as usize] += 1;
+                if degree[end as usize] > 2 {
+                    return false;
+                }
+            }
+        }
+    }
+    joined == m
 }
 
 /// A mesh over a cloud.

@@ -294,3 +294,15 @@ fn every_point_of_a_dense_rim_is_on_the_loop() {
     outer.sort_unstable();
     assert_eq!(outer, (0..600).collect::<Vec<u32>>());
 }
+
+#[test]
+fn points_along_a_curve_are_told() {
+    for (m, bend) in [(20, 0.05), (40, 0.1), (300, 1.0)] {
+        let curve = Array2::from_shape_fn((m, 3), |(i, k)| {
+            let t = i as f64;
+            [t, t, bend * t * t][k]
+        });
+        let found = find_boundary(curve.view(), &BoundaryParams::default());
+        assert_eq!(found, Err(CloudError::AlongCurve { points: m }), "{m} {bend}");
+    }
+}

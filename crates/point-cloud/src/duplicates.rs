@@ -33,16 +33,7 @@ impl Duplicates {
                 first_of[i] = group[0];
             }
         }
-        let mut kept = Vec::new();
-        let mut map = vec![0; m];
-        for i in 0..m {
-            // The first of a group has a smaller row, so its place is already known.
-            map[i] = if first_of[i] == i { kept.len() } else { map[first_of[i]] };
-            if first_of[i] == i {
-                kept.push(i);
-            }
-        }
-        Self { kept, map }
+        Self::from_first(&first_of)
     }
 
     /// Number of points that a merge removes.

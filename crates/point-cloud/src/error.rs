@@ -247,6 +247,15 @@ pub enum CloudError {
         /// Median spacing, in the units of the points.
         spacing: f64,
     },
+    /// The points follow one curve.
+    #[error(
+        "the {points} points follow one curve, and no surface is determined beside it; fit a curve (thb fit-curve), or give points to \
+         both sides of it"
+    )]
+    AlongCurve {
+        /// Number of points.
+        points: usize,
+    },
     /// An option lies outside its range.
     #[error("{name} is {value}, it must be {range}")]
     BadOption {

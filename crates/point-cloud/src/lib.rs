@@ -1,10 +1,11 @@
 //! Point clouds and triangle meshes as plain data: checks, cleaning, topology, boundary loops and corners.
 //!
-//! The way from a raw mesh to the map of `param-classic`: [`merge_duplicate_vertices`], then [`largest_piece`] (or
+//! The way from a raw mesh to the map of `param-classic`: [`FarValues::of_mesh`], [`weld`], then [`largest_piece`] (or
 //! [`drop_unreferenced`]), then [`DiskMesh::new`], which checks everything a map onto the square relies on, then
 //! [`disk_corners`]. [`largest_disk`] makes a disk of a mesh that is not quite one.
 //!
-//! The way from an unordered cloud: [`find_outliers`], [`find_stray_pieces`] and [`thin`] where needed, then [`find_boundary`], which
+//! The way from an unordered cloud: [`FarValues::of_cloud`], [`Duplicates::find_near`], [`find_isolated`], then [`find_outliers`],
+//! [`find_stray_pieces`] and [`thin`] where needed, then [`find_boundary`], which
 //! spans a mesh over the cloud; its [`CloudBoundary::disk_mesh`] goes the same way as a raw mesh from there.
 //!
 //! This crate never reads a file and knows nothing about splines.
@@ -21,9 +22,12 @@ mod duplicates;
 mod edges;
 mod error;
 mod fans;
+mod far_values;
 mod handles;
+mod isolated;
 mod local_frame;
 mod loop_curve;
+mod near_duplicates;
 mod neighbours;
 mod order_loop;
 mod orient;
@@ -49,7 +53,10 @@ pub use disk::{BoundaryLoop, DiskMesh};
 pub use duplicates::{Duplicates, merge_duplicate_points, merge_duplicate_vertices};
 pub use edges::{EdgeMap, HalfEdge};
 pub use error::CloudError;
+pub use far_values::{FarValues, robust_diagonal};
+pub use isolated::find_isolated;
 pub use local_frame::{LocalFrames, SPACING_NEIGHBOURS};
+pub use near_duplicates::{Welded, weld};
 pub use neighbours::Neighbours;
 pub use order_loop::{loop_length, order_loop};
 pub use orient::orient_consistently;

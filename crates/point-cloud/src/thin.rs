@@ -107,7 +107,7 @@ fn checked_rows(points: ArrayView2<'_, f64>, n: usize) -> Result<Vec<[f64; 3]>, 
 }
 
 /// Points gathered in cubes of one size.
-struct Voxels {
+pub(crate) struct Voxels {
     /// Rows of the points, voxel after voxel, increasing in each.
     members: Vec<u32>,
     /// Where each voxel begins in `members`, and the end.
@@ -123,7 +123,7 @@ impl Voxels {
 
     /// Voxels so large that there are between 0.7 and 1.5 times `count` of them, or each point its own where there are
     /// fewer points.
-    fn of(points: &[[f64; 3]], bounds: &BoundingBox, count: usize) -> Self {
+    pub(crate) fn of(points: &[[f64; 3]], bounds: &BoundingBox, count: usize) -> Self {
         if points.len() <= count {
             let m = points.len();
             return Self { members: (0..m as u32).collect(), starts: (0..=m).collect() };
@@ -165,13 +165,18 @@ impl Voxels {
         self.starts.len() - 1
     }
 
-    fn iter(&self) -> impl Iterator<Item = &[u32]> {
-        self.starts.windows(2).map(|ends| &self.members[ends[0]..ends[1]])
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &[u32]> {
+        (0..self.count()).map(|voxel| self.of_voxel(voxel))
+    }
+
+    /// Rows of the points in a voxel.
+    pub(crate) fn of_voxel(&self, voxel: usize) -> &[u32] {
+        &self.members[self.starts[voxel]..self.starts[voxel + 1]]
     }
 }
 
 /// The one of the points `rows[voxel]` that is nearest to their mean: of a noisy sheet the middle.
-fn middle_point(rows: &[[f64; 3]], voxel: &[u32]) -> u32 {
+pub(crate) fn middle_point(rows: &[[f64; 3]], voxel: &[u32]) -> u32 {
     let first = rows[voxel[0] as usize];
     let from_first = |i: &u32| sub(rows[*i as usize], first);
     let sum = voxel.iter().fold([0.0; 3], |sum, i| add(sum, from_first(i)));

@@ -4,14 +4,17 @@ use std::array;
 use std::path::Path;
 
 use geom_io::{Format, ReadOptions, Scan, read_scan};
+use ndarray::ArrayView2;
 use point_cloud::{
-    Neighbours, SubMesh, TriangleMesh, check_surface_cloud, find_outliers, find_stray_pieces, largest_piece, thin,
+    Duplicates, FarValues, GridShape, Neighbours, SubMesh, TriangleMesh, check_surface_cloud, find_isolated,
+    find_outliers, find_stray_pieces, largest_piece, thin,
 };
 use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
+use serde::Serialize;
 
 use crate::parameter_options::{Clean, ParameterChoice};
-use crate::parameters::spread_over_square;
+use crate::parameters::{extent, named_rows, spread_over_square};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Neighbours and robust standard deviations that make a point an outlier.
@@ -20,13 +23,72 @@ const OUTLIERS: (usize, f64) = (12, 5.0);
 const PIECES: (usize, f64) = (24, 3.0);
 /// Share of the points up to which those off the largest piece of a cloud are stray. Rows far apart are pieces too.
 const STRAY_MOST: f64 = 0.5;
-/// Points up to which outliers and stray pieces are looked for unasked: it takes a second for each 4·10⁵ points.
+/// Points up to which copies and stray pieces are looked for unasked: it takes a second for each 4·10⁵ points. Larger clouds are
+/// laid out through a well-spread subset, in which no copies are left.
 const LOOKED_AT: usize = 200_000;
+
+/// Rows that a report lists at most; the counts are those of all.
+const LISTED: usize = 1000;
+
+/// Largest distance of a parameter from where its point is in the extents of x and y, if it was made from these.
+///
+/// Limit: round-off of parameters that were computed from coordinates with an offset of 10⁶ extents.
+const SAME_PLACE: f64 = 1e-9;
+
+/// What was set aside unasked. Rows are those of the file, from 0; of long lists the first thousand.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct CleaningReport {
+    /// Points that were there before: those of the file without cells that hold no data and what options left out.
+    pub given: usize,
+    /// Points with values far beyond the rest: fill values, coordinates that went wrong.
+    pub sentinels: usize,
+    /// How many of these share such a value with others, as cells without data do.
+    pub fill_values: usize,
+    /// Rows of the sentinels.
+    pub sentinel_rows: Vec<u32>,
+    /// Points that stand alone, away from the surface.
+    pub outliers: usize,
+    /// Their rows.
+    pub outlier_rows: Vec<u32>,
+    /// Points that are equal to others or nearly so, and were made one with the first of these.
+    pub merged: usize,
+}
+
+impl CleaningReport {
+    /// Share of the different points that were set aside: sentinels and outliers, but neither copies nor fill values, which are no points.
+    pub fn share_set_aside(&self) -> f64 {
+        (self.sentinels - self.fill_values.min(self.sentinels) + self.outliers) as f64
+            / (self.given - self.merged.min(self.given)).max(1) as f64
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let share = |count: usize| 100.0 * count as f64 / self.given.max(1) as f64;
+        let told = [
+            (self.sentinels, "have values far beyond the rest", "sentinel_rows"),
+            (self.outliers, "stand alone, away from the surface", "outlier_rows"),
+        ];
+        told.into_iter()
+            .filter(|(count, ..)| *count > 0)
+            .map(|(count, what, rows)| {
+                format!(
+                    "{count} of {} points ({:.2} %) {what}, and were set aside; their rows are in cleaning.{rows}, --clean none keeps them",
+                    self.given,
+                    share(count)
+                )
+            })
+            .collect()
+    }
+}
 
 /// A scan without what was to be removed.
 pub(crate) struct Cleaned {
     pub(crate) scan: Scan,
     pub(crate) found: Found,
+    /// What was set aside unasked.
+    pub(crate) report: CleaningReport,
+    /// Points of a grid without data, with coordinates from their neighbours so that the grid is full: to be left out again once it
+    /// has parameters. Increasing.
+    pub(crate) gaps: Vec<usize>,
     /// Neighbours of the points as they are, once searched: enough for all that is looked for.
     neighbours: Option<Neighbours>,
 }
@@ -41,10 +103,17 @@ pub(crate) struct Found {
     pub(crate) are_parts: bool,
 }
 
-/// Crops, masks, cleans and thins.
+/// Crops, masks, sets aside what cannot be of the surface, cleans and thins.
 pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Cleaned, Error> {
     let m = scan.cloud.points.nrows();
-    let mut cleaned = Cleaned { scan, found: Found::default(), neighbours: None };
+    let spreads = is_height_field(&scan, options);
+    let mut cleaned = Cleaned {
+        scan,
+        found: Found::default(),
+        report: CleaningReport::default(),
+        gaps: Vec::new(),
+        neighbours: None,
+    };
     if let Some(crop) = options.crop {
         let points = &cleaned.scan.cloud.points;
         let kept = (0..m).filter(|&i| crop.holds(points[[i, 0]], points[[i, 1]])).collect();
@@ -55,30 +124,102 @@ pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         let kept = unmasked(path, &cleaned.scan)?;
         cleaned.keep(kept, "--mask")?;
     }
-    if cleaned.scan.rows.len() < m && (options.read.height_field || cleaned.scan.format == Format::EsriGrid) {
-        // What is left of a height field is spread over the square again.
-        cleaned.scan.cloud.parameters.iter_mut().for_each(|uv| spread_over_square(uv, options.closed.directions()));
+    let asked = |what| options.clean.contains(&what);
+    cleaned.report.given = cleaned.scan.rows.len();
+    let is_free = !asked(Clean::Nothing);
+    if is_free {
+        cleaned.set_far_values_aside(options)?;
+    }
+    if cleaned.scan.rows.len() < m && spreads {
+        cleaned.spread_heights(options.closed.directions());
     }
     let scattered = cleaned.scan.cloud.grid.is_none() && cleaned.scan.triangles.is_none();
-    let unasked = scattered
-        && cleaned.scan.cloud.parameters.is_none()
-        && cleaned.scan.rows.len() <= LOOKED_AT
-        && is_laid_out_by_shape(options);
-    let asked = |what| options.clean.contains(&what);
-    if asked(Clean::Stray) || unasked {
+    let by_shape = scattered && cleaned.scan.cloud.parameters.is_none() && is_laid_out_by_shape(options);
+    let is_small = cleaned.scan.rows.len() <= LOOKED_AT;
+    if by_shape && is_free {
+        let _ = watch(Event::Step("looking for copies and outliers"));
+        let named = named_rows(&cleaned.scan, options)?;
+        let is_named = |row: &u32| named.binary_search(row).is_ok();
+        if is_small {
+            cleaned.merge_copies(&is_named)?;
+        }
+        if !asked(Clean::Outliers) {
+            cleaned.set_isolated_aside(&is_named)?;
+        }
+    }
+    if asked(Clean::Stray) || by_shape && is_small && is_free {
         let _ = watch(Event::Step("looking for stray pieces"));
         cleaned.stray(asked(Clean::Stray))?;
     }
-    if asked(Clean::Outliers) || unasked {
+    if asked(Clean::Outliers) {
         let _ = watch(Event::Step("looking for outliers"));
-        cleaned.outliers(asked(Clean::Outliers))?;
+        cleaned.outliers()?;
     }
     if let Some(n) = options.thin {
         let _ = watch(Event::Step("thinning"));
         let kept = thin(cleaned.scan.cloud.points.view(), n)?.kept;
         cleaned.keep(kept, "--thin")?;
     }
+    cleaned.scan.notes.extend(cleaned.report.warnings());
     Ok(cleaned)
+}
+
+/// Whether x and y are the parameters of a scan.
+fn is_height_field(scan: &Scan, options: &ParameterOptions) -> bool {
+    let (points, Some(parameters)) = (scan.cloud.points.view(), &scan.cloud.parameters) else { return false };
+    let is_column = |d: usize| {
+        let (lower, upper) = extent(points.column(d));
+        let place = |x: f64| (0.5 * x - 0.5 * lower) / (0.5 * upper - 0.5 * lower);
+        points.column(d).iter().zip(parameters.column(d)).all(|(&x, &u)| (place(x) - u).abs() <= SAME_PLACE)
+    };
+    (options.read.height_field || scan.format == Format::EsriGrid)
+        && points.ncols() == 3
+        && parameters.ncols() == 2
+        && (0..2).all(is_column)
+}
+
+/// Places without data in a grid with points `(n_u · n_v, 3)` get points from the lines through them: between the nearest two
+/// points, or else on from these. Whether all have.
+fn fill_gaps(points: &mut ndarray::Array2<f64>, grid: GridShape, gaps: &[usize]) -> bool {
+    let shape = [grid.n_u, grid.n_v];
+    let row = |at: [usize; 2]| at[0] * shape[1] + at[1];
+    let is_gap = |row: usize| gaps.binary_search(&row).is_ok();
+    let given = points.clone();
+    gaps.iter().all(|&gap| {
+        let at = [gap / shape[1], gap % shape[1]];
+        let (mut between, mut beside): (Vec<[f64; 3]>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());
+        for d in 0..2 {
+            let along = |k: usize| row(array::from_fn(|e| if e == d { k } else { at[e] }));
+            let before = || (0..at[d]).rev().filter(|&k| !is_gap(along(k)));
+            let after = || (at[d] + 1..shape[d]).filter(|&k| !is_gap(along(k)));
+            let two = match (before().next(), after().next()) {
+                (Some(a), Some(b)) => Some((a, b, true)),
+                (Some(a), None) => before().nth(1).map(|b| (a, b, false)),
+                (None, Some(a)) => after().nth(1).map(|b| (a, b, false)),
+                (None, None) => None,
+            };
+            if let Some((a, b, is_between)) = two {
+                let t = (at[d] as f64 - a as f64) / (b as f64 - a as f64);
+                let place = array::from_fn(|k| (1.0 - t) * given[[along(a), k]] + t * given[[along(b), k]]);
+                if is_between { &mut between } else { &mut beside }.push(place);
+            }
+        }
+        let chosen = if between.is_empty() { beside } else { between };
+        for k in 0..3 {
+            points[[gap, k]] = chosen.iter().map(|place| place[k]).sum::<f64>() / chosen.len().max(1) as f64;
+        }
+        !chosen.is_empty()
+    })
+}
+
+/// The far values of a scan, as a mesh where it has triangles.
+pub(crate) fn far_values(points: ArrayView2<'_, f64>, triangles: Option<&[[u32; 3]]>) -> Result<FarValues, Error> {
+    Ok(match triangles {
+        Some(triangles) => {
+            FarValues::of_mesh(&TriangleMesh { vertices: points.to_owned(), triangles: triangles.to_vec() })?
+        }
+        None => FarValues::of_cloud(points)?,
+    })
 }
 
 /// Whether a cloud without order would be laid out by its shape, so that stray points matter.
@@ -102,6 +243,93 @@ impl Cleaned {
         }
         self.scan.select(&kept);
         self.neighbours = None;
+        Ok(())
+    }
+
+    /// Keeps the points that are not listed, without a note.
+    fn set_aside(&mut self, places: &[u32]) {
+        let kept: Vec<usize> =
+            (0..self.scan.rows.len()).filter(|&i| places.binary_search(&(i as u32)).is_err()).collect();
+        self.scan.select(&kept);
+        self.neighbours = None;
+    }
+
+    fn listed(&self, places: &[u32]) -> Vec<u32> {
+        places.iter().take(LISTED).map(|&i| self.scan.rows[i as usize]).collect()
+    }
+
+    /// Sets points with values far beyond the rest aside. A grid that is laid out along its lines stays full, with gaps.
+    fn set_far_values_aside(&mut self, options: &ParameterOptions) -> Result<(), Error> {
+        let FarValues { rows: far, fills, .. } =
+            far_values(self.scan.cloud.points.view(), self.scan.triangles.as_deref())?;
+        self.report.fill_values = fills;
+        if far.is_empty() {
+            return Ok(());
+        }
+        (self.report.sentinels, self.report.sentinel_rows) = (far.len(), self.listed(&far));
+        let along_lines = matches!(
+            options.param,
+            ParameterChoice::Auto
+                | ParameterChoice::Chord
+                | ParameterChoice::Centripetal
+                | ParameterChoice::Parcnn
+                | ParameterChoice::Uniform
+        );
+        let is_plain = self.scan.cloud.parameters.is_none() && self.scan.triangles.is_none() && options.thin.is_none();
+        if let Some(grid) = self.scan.cloud.grid.filter(|_| along_lines && is_plain && options.clean.is_empty()) {
+            let gaps: Vec<usize> = far.iter().map(|&i| i as usize).collect();
+            if fill_gaps(&mut self.scan.cloud.points, grid, &gaps) {
+                self.gaps = gaps;
+                return Ok(());
+            }
+        }
+        if self.scan.cloud.grid.is_some() && self.scan.cloud.parameters.is_none() {
+            self.scan.notes.push("the grid order was lost with points that have values far beyond the rest".to_owned());
+        }
+        self.set_aside(&far);
+        Ok(())
+    }
+
+    /// Spreads x and y of what is left over the square, which closed directions fill already.
+    fn spread_heights(&mut self, closed: [bool; 2]) {
+        let cloud = &mut self.scan.cloud;
+        if let Some(parameters) = &mut cloud.parameters {
+            for d in (0..2).filter(|&d| !closed[d]) {
+                parameters.column_mut(d).assign(&cloud.points.column(d));
+            }
+            spread_over_square(parameters, closed);
+        }
+    }
+
+    fn merge_copies(&mut self, is_named: &dyn Fn(&u32) -> bool) -> Result<(), Error> {
+        let rows = &self.scan.rows;
+        let groups = Duplicates::find_near(self.scan.cloud.points.view(), |i| is_named(&rows[i]))?;
+        self.report.merged = groups.count();
+        if groups.count() == 0 {
+            return Ok(());
+        }
+        if let Some(weights) = &mut self.scan.weights {
+            // A point counts as much as the best of its copies.
+            for (i, &at) in groups.map.iter().enumerate() {
+                let first = groups.kept[at];
+                weights[first] = weights[first].max(weights[i]);
+            }
+        }
+        let note = format!("{} points are equal to others, or nearly so, and were made one with these", groups.count());
+        self.scan.notes.push(note);
+        self.scan.select(&groups.kept);
+        self.neighbours = None;
+        Ok(())
+    }
+
+    fn set_isolated_aside(&mut self, is_named: &dyn Fn(&u32) -> bool) -> Result<(), Error> {
+        let mut isolated = find_isolated(self.scan.cloud.points.view())?;
+        isolated.retain(|&i| !is_named(&self.scan.rows[i as usize]));
+        self.found.outliers = Some(isolated.len());
+        (self.report.outliers, self.report.outlier_rows) = (isolated.len(), self.listed(&isolated));
+        if !isolated.is_empty() {
+            self.set_aside(&isolated);
+        }
         Ok(())
     }
 
@@ -134,11 +362,11 @@ impl Cleaned {
         }
     }
 
-    fn outliers(&mut self, remove: bool) -> Result<(), Error> {
+    fn outliers(&mut self) -> Result<(), Error> {
         let (k, factor) = OUTLIERS;
         let outliers = find_outliers(self.neighbours()?, k, factor)?;
         self.found.outliers = Some(outliers.removed.len());
-        if remove { self.keep(outliers.kept, "--clean outliers") } else { Ok(()) }
+        self.keep(outliers.kept, "--clean outliers")
     }
 }
 

@@ -100,6 +100,19 @@ pub enum Error {
         /// Their value.
         value: f64,
     },
+    /// The parameters lie on a line of the domain.
+    #[error(
+        "the parameters of all {points} points lie on a line of the parameter domain: they spread {length:.3e} along it and {width:.1e} across, \
+         and no surface is determined beside it; give points beside the line, leave out u, v or --height-field, or fit a curve (thb fit-curve)"
+    )]
+    LineDomain {
+        /// Number of points.
+        points: usize,
+        /// Standard deviation of the parameters across the line.
+        width: f64,
+        /// Standard deviation along it.
+        length: f64,
+    },
     /// An option left out all points.
     #[error("{option} leaves none of the {given} points; check that it is in the units of the file")]
     NothingLeft {

@@ -7,11 +7,11 @@ use std::time::Instant;
 use deviation::{Thresholds, Verdict};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2, Axis};
-use point_cloud::{BoundingBox, loop_length};
+use point_cloud::loop_length;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
-use crate::options::BoundaryChoice;
+use crate::options::{BoundaryChoice, Pair};
 use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
@@ -96,9 +96,19 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let mut warnings = laid_out.warnings.clone();
     let points = &laid_out.points;
+    let for_few = options.for_few(points.nrows());
+    let options = for_few.as_ref().unwrap_or(options);
+    if for_few.is_some() {
+        warnings.push(format!(
+            "{} points start with degree {} and {} elements, so that they are no fewer than the functions; --mesh starts with more",
+            points.nrows(),
+            options.degree,
+            Pair(options.elements())
+        ));
+    }
     let diagonal = match options.reweighting.robust {
         Some(_) => robust_diagonal(points.view(), laid_out.parameters.view())?,
-        None => BoundingBox::of(points.view())?.diagonal(),
+        None => laid_out.diagonal,
     };
     let tolerance = options.tol.resolve(diagonal);
     tracing::info!(
@@ -124,7 +134,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         tolerance,
         diagonal,
     };
-    let Attempt { method, fitted, dhd, hsd, creases, judgement } = fitting::fit(&problem, &space, options, watch)?;
+    let Attempt { method, fitted, dhd, hsd, creases, mut judgement } = fitting::fit(&problem, &space, options, watch)?;
     let Fitted {
         map, stop, failure, history: iterations, moves, quasi, reweighting, parameters, errors, lambda, ..
     } = fitted;
@@ -188,6 +198,8 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         warnings.extend(found.warnings);
     }
     let last = iterations[iterations.len() - 1];
+    let thresholds = Thresholds { within: options.within, ..Thresholds::default() };
+    judgement.reasons.extend(thresholds.set_aside(laid_out.report.cleaning.share_set_aside()));
     let verdict = judgement.verdict();
     let deviation = last.deviation;
     let report = Report {
@@ -223,7 +235,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             reached: verdict < Verdict::Failed,
             verdict,
             reasons: judgement.reasons,
-            thresholds: Thresholds { within: options.within, ..Thresholds::default() },
+            thresholds,
             deviation: judgement.deviation,
             reweighting,
             sides: sides(&map)?,

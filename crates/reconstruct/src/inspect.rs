@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use thb_core::{CellSpace, ClosestPoints, SplineMap};
 
+use crate::clean::far_values;
 use crate::fit::SAMPLES;
 use crate::mesh::tessellate;
 use crate::{Error, Tolerance};
@@ -51,8 +52,9 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
     tolerance.check()?;
     let map = surface(model)?;
     let scan = read_scan(cloud, read)?;
+    let far = far_values(scan.cloud.points.view(), scan.triangles.as_deref())?;
     let points = scan.cloud.points;
-    let tolerance = tolerance.resolve(BoundingBox::of(points.view())?.diagonal());
+    let tolerance = tolerance.resolve(far.bounds.diagonal());
     if points.ncols() != map.dim() {
         return Err(fit_ls::Error::Shape {
             what: "coordinates of the points",
@@ -237,6 +239,16 @@ pub fn info(path: &Path, read: &ReadOptions) -> Result<Info, Error> {
         other => other?,
     };
     let bounds = BoundingBox::of(scan.cloud.points.view())?;
+    let far = far_values(scan.cloud.points.view(), scan.triangles.as_deref())?;
+    let mut notes = scan.notes;
+    if let [first, ..] = far.rows[..] {
+        notes.push(format!(
+            "{} points have values far beyond the rest, the first in row {}; thb fit sets them aside, and the diagonal without them is {:.6e}",
+            far.rows.len(),
+            scan.rows[first as usize],
+            far.bounds.diagonal()
+        ));
+    }
     Ok(Info::Scan {
         format: scan.format.name(),
         points: scan.cloud.points.nrows(),
@@ -246,7 +258,7 @@ pub fn info(path: &Path, read: &ReadOptions) -> Result<Info, Error> {
         grid: scan.cloud.grid.map(|grid| [grid.n_u, grid.n_v]),
         diagonal: bounds.diagonal(),
         bounds: [bounds.lower, bounds.upper].map(|corner| corner.to_vec()),
-        notes: scan.notes,
+        notes,
     })
 }
 

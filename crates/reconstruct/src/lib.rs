@@ -44,6 +44,7 @@ mod trim;
 mod watch;
 
 pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
+pub use clean::CleaningReport;
 pub use curve::{
     ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveLimits, CurveOptions, CurveParameters,
     CurveReport, CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file,

@@ -122,6 +122,35 @@ impl FitOptions {
         self.mesh.map_or([usual(0), usual(1)], |given| given.0)
     }
 
+    /// The same with a level 0 that has no more functions than there are `points`: fewer elements unless `mesh` is given, then a lower
+    /// degree. `None` where that holds already.
+    pub(crate) fn for_few(&self, points: usize) -> Option<Self> {
+        let closed = self.parameters.closed.directions();
+        let count = |degree: [usize; 2], elements: [usize; 2]| -> usize {
+            (0..2).map(|d| elements[d] + if closed[d] { 0 } else { degree[d] }).product()
+        };
+        if self.mesh.is_some() || count(self.degree.0, self.elements()) <= points {
+            return None;
+        }
+        let (mut degree, mut elements) = (self.degree.0, self.elements());
+        while count(degree, elements) > points {
+            // Round a closed direction no function may meet itself.
+            let least = |d: usize| if closed[d] { degree[d] + 1 } else { 1 };
+            // The direction with more of them first.
+            let larger = |values: [usize; 2]| usize::from(values[1] > values[0]);
+            let spare = [0, 1].map(|d| elements[d] - least(d).min(elements[d]));
+            let d = larger(spare);
+            if spare[d] > 0 {
+                elements[d] -= 1;
+            } else if degree.iter().any(|&p| p > 1) {
+                degree[larger(degree)] -= 1;
+            } else {
+                break;
+            }
+        }
+        Some(Self { degree: Pair(degree), mesh: Some(Pair(elements)), ..self.clone() })
+    }
+
     /// The extension of a marked region, in cells of the next level.
     pub fn extension(&self) -> [usize; 2] {
         self.extension.map_or(self.degree.0.map(|p| p / 2), |given| given.0)
@@ -516,6 +545,27 @@ impl fmt::Display for Mark {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn few_points_start_with_no_more_functions() {
+        let options = FitOptions::default();
+        let start =
+            |points: usize, options: &FitOptions| options.for_few(points).map(|few| (few.degree.0, few.elements()));
+        for (points, expected) in [
+            (49, None),
+            (48, Some(([3, 3], [3, 4]))),
+            (16, Some(([3, 3], [1, 1]))),
+            (15, Some(([2, 3], [1, 1]))),
+            (9, Some(([2, 2], [1, 1]))),
+            (8, Some(([1, 2], [1, 1]))),
+            (4, Some(([1, 1], [1, 1]))),
+        ] {
+            assert_eq!(start(points, &options), expected, "{points}");
+        }
+        let tube = ParameterOptions { closed: Closed::U, ..ParameterOptions::default() };
+        assert_eq!(start(16, &FitOptions { parameters: tube, ..FitOptions::default() }), Some(([3, 3], [4, 1])));
+        assert_eq!(start(9, &FitOptions { mesh: Some(Pair([4, 4])), ..FitOptions::default() }), None);
+    }
 
     #[test]
     fn options_read_back_as_they_are_written() {

@@ -17,7 +17,7 @@ pub struct ParameterOptions {
     /// How the input is read.
     #[serde(flatten)]
     pub read: ReadOptions,
-    /// What is removed from the points.
+    /// What is removed from the points beside what is set aside unasked: see [`crate::CleaningReport`].
     pub clean: Vec<Clean>,
     /// Most points that are kept, well spread; `None` for all.
     pub thin: Option<usize>,
@@ -85,6 +85,9 @@ impl ParameterOptions {
             "none with --domain data: closed directions have the period 1",
             unit,
         )?;
+        let cleans = self.clean.iter().map(|what| what.to_string()).collect::<Vec<_>>().join(",");
+        let is_one = !self.clean.contains(&Clean::Nothing) || self.clean.len() == 1;
+        range("--clean", cleans, "none, or some of outliers and stray", is_one)?;
         range("--thin", typed(self.thin), "4 or more", self.thin.is_none_or(|n| n >= 4))?;
         range("--subset", self.subset.to_string(), "500 or more", self.subset >= LEAST_SUBSET)
     }
@@ -149,11 +152,13 @@ impl Closed {
 
 named!(
     /// What can be removed from a cloud.
-    Clean, "outliers or stray",
+    Clean, "outliers, stray or none",
     /// Points whose neighbours are unusually far away.
     Outliers = "outliers",
     /// All pieces but the largest.
-    Stray = "stray"
+    Stray = "stray",
+    /// Nothing, not even what is set aside unasked.
+    Nothing = "none"
 );
 named!(
     /// How the points of a side are spread over it.

@@ -60,23 +60,28 @@ fn a_large_cloud_goes_through_a_subset() {
 }
 
 #[test]
-fn stray_points_are_told_and_removed_on_request() {
+fn points_that_stand_alone_are_set_aside_and_stay_on_request() {
     let places = scattered(20, 500);
     let mut text = rows(&places);
     let stray = ["0.5 0.5 3\n", "0.2 0.4 -3\n", "2.5 0.1 0\n"];
     stray.iter().for_each(|line| text += line);
     let lab = Lab::with("raw.xyz", text);
     let told = lab.prints_json("param raw.xyz");
-    assert_eq!(told["parameterization"]["outliers"], stray.len());
-    let warnings = told["warnings"].to_string();
-    assert!(warnings.contains("--clean outliers") && warnings.contains("--clean stray"), "{warnings}");
+    assert_eq!(told["points"], places.len());
+    let cleaning = &told["parameterization"]["cleaning"];
+    assert_eq!((&cleaning["outliers"], &cleaning["sentinels"]), (&0.into(), &stray.len().into()), "{cleaning}");
+    assert_eq!(cleaning["sentinel_rows"][2], places.len() + 2);
+    assert!(told["warnings"].to_string().contains("--clean none"), "{told}");
     for clean in ["outliers", "stray", "outliers,stray"] {
         let report = lab.prints_json(&format!("param raw.xyz --clean {clean}"));
         assert_eq!(report["points"], places.len());
         assert_eq!(report["parameterization"]["left_out"], stray.len());
     }
+    let all = lab.prints_json("param raw.xyz --clean none");
+    assert_eq!(all["parameterization"]["cleaning"]["sentinels"], 0);
     let thinned = lab.prints_json("param raw.xyz --clean stray --thin 300");
     assert!((200..=300).contains(&thinned["points"].as_u64().unwrap()));
+    lab.fails("param raw.xyz --clean none,stray", 2, &["--clean", "none, or some of"]);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The binary `thb`, run as users run it.
 
+mod bad_scans;
 mod batch;
 mod closed;
 mod curves;

@@ -29,6 +29,19 @@ pub(super) fn given(scan: &Scan, rows: &[u32], options: &ParameterOptions) -> Re
     in_order(points, places, false).map(Some)
 }
 
+/// Rows in the file of the points that options name as corners or outline, or that the file names, increasing.
+pub(crate) fn named_rows(scan: &Scan, options: &ParameterOptions) -> Result<Vec<u32>, Error> {
+    let corners = options.corners.iter().flat_map(|corners| corners.0);
+    let labels = scan.on_boundary.iter().flatten().zip(&scan.rows).filter(|(label, _)| **label).map(|(_, &row)| row);
+    let mut named: Vec<u32> = corners.chain(labels).collect();
+    if let Some(path) = &options.outline {
+        // Larger numbers are no rows, which is told where the outline is needed.
+        named.extend(read_rows(path)?.into_iter().filter_map(|row| u32::try_from(row).ok()));
+    }
+    named.sort_unstable();
+    Ok(named)
+}
+
 /// Puts the points of a loop in order. The given order stays where it is about as short.
 fn in_order(points: ArrayView2<'_, f64>, places: Vec<u32>, may_be_in_order: bool) -> Result<Vec<u32>, Error> {
     /// A loop in order that doubles back at a ragged rim is hardly longer than the shortest one.

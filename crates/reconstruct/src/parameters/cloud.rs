@@ -6,7 +6,7 @@ use param_classic::{
 };
 use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
 
-use super::{Layout, mesh, network, tube};
+use super::{Layout, few, mesh, network, tube};
 use crate::parameter_options::{Closed, Networks, ParameterChoice};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
@@ -32,6 +32,10 @@ pub(super) fn lay_out(
     if options.closed != Closed::None {
         return tube::of_cloud(&cloud, choice, options, watch);
     }
+    let by_shape = matches!(choice, ParameterChoice::Auto | ParameterChoice::MeanValue);
+    if by_shape && cloud.boundary.is_none() && cloud.points.nrows() < few::FEW {
+        return few::lay_out(&cloud, options);
+    }
     let _ = watch(Event::Step("spanning a mesh over the cloud"));
     let found = find_boundary(cloud.points.view(), &BoundaryParams::default());
     let spanned = match (found, &cloud.boundary) {
@@ -41,7 +45,7 @@ pub(super) fn lay_out(
         (Err(reason), None) => return Err(reason.into()),
     };
     let has_mesh = spanned.as_ref().is_some_and(|found| found.triangles.is_some());
-    let by_mesh = matches!(choice, ParameterChoice::Auto | ParameterChoice::MeanValue) && cloud.boundary.is_none();
+    let by_mesh = by_shape && cloud.boundary.is_none();
     let mut layout = match &spanned {
         Some(found) if by_mesh && has_mesh => by_spanned_mesh(&cloud, found, options, watch)?,
         _ => by_boundary(&cloud, spanned.as_ref(), choice, options, watch)?,

@@ -134,6 +134,7 @@ pub(super) fn lay_out(
         reversed: false,
         is_mesh: false,
         is_height_field: false,
+        merged: part.merged,
     })
 }
 

@@ -4,8 +4,8 @@ use geom_io::Scan;
 use ndarray::Axis;
 use param_classic::{InjectiveParams, MeshMapParams, SpannedMap, SpannedMapParams, Weights, map_mesh};
 use point_cloud::{
-    CloudError, CornerChoice, DiskMesh, LargestDisk, Pieces, TriangleMesh, drop_unreferenced, largest_disk,
-    merge_duplicate_vertices, unreferenced_vertices,
+    CloudError, CornerChoice, DiskMesh, LargestDisk, Pieces, TriangleMesh, Welded, drop_unreferenced, largest_disk,
+    merge_duplicate_vertices, unreferenced_vertices, weld,
 };
 
 use super::cloud::Cloud;
@@ -27,8 +27,14 @@ pub(super) fn lay_out_or_take_vertices(
 ) -> Result<Layout, Error> {
     let mesh = TriangleMesh { vertices: scan.cloud.points, triangles: scan.triangles.unwrap_or_default() };
     let given_corners = corners_among(rows, options)?;
-    let no_disk = match disk_of(&mesh) {
-        Ok((disk, kept, mut warnings)) => {
+    let welded = weld(&mesh)?;
+    let as_it_is = |error| {
+        let (exact, duplicates, dropped) = merge_duplicate_vertices(&mesh);
+        // What two sides of a thin part have in common may have been welded together.
+        disk_of(Welded { mesh: exact, duplicates, dropped, distance: 0.0 }).map_err(|_| error)
+    };
+    let no_disk = match disk_of(welded).or_else(as_it_is) {
+        Ok(Disk { disk, kept, merged, mut warnings }) => {
             let corners = match given_corners {
                 Some(corners) => Some(vertices_of(corners, &mesh, &kept, rows)?),
                 None => None,
@@ -36,6 +42,7 @@ pub(super) fn lay_out_or_take_vertices(
             let mut layout = map(disk, choice, corners, options, watch).map_err(|error| error.of_rows(&kept))?;
             layout.of_rows(&kept);
             layout.is_mesh = true;
+            layout.merged = merged;
             warnings.append(&mut layout.warnings);
             layout.warnings = warnings;
             return Ok(layout);
@@ -55,13 +62,28 @@ pub(super) fn lay_out_or_take_vertices(
     Ok(layout)
 }
 
-/// A cleaned and checked mesh, the vertex each of its vertices was, and what was changed.
-fn disk_of(mesh: &TriangleMesh) -> Result<(DiskMesh, Vec<u32>, Vec<String>), Error> {
+/// A cleaned and checked mesh.
+struct Disk {
+    disk: DiskMesh,
+    /// The vertex of the given mesh that each of its vertices was.
+    kept: Vec<u32>,
+    /// Vertices that were made one with others.
+    merged: usize,
+    /// What was changed.
+    warnings: Vec<String>,
+}
+
+/// The disk in a mesh whose equal vertices are one.
+fn disk_of(welded: Welded) -> Result<Disk, Error> {
     let mut warnings = Vec::new();
-    let (mut merged, duplicates, dropped) = merge_duplicate_vertices(mesh);
+    let Welded { mesh: mut merged, duplicates, dropped, distance } = welded;
     let mut kept: Vec<u32> = duplicates.kept.iter().map(|&row| row as u32).collect();
-    if duplicates.count() > 0 {
-        warnings.push(format!("{} equal vertices were merged", duplicates.count()));
+    match (duplicates.count(), distance > 0.0) {
+        (0, _) => {}
+        (count, false) => warnings.push(format!("{count} equal vertices were merged")),
+        (count, true) => {
+            warnings.push(format!("{count} vertices within {distance:.2e} of others were merged with them"))
+        }
     }
     if dropped > 0 {
         warnings.push(format!("{dropped} triangles with a vertex twice were left out"));
@@ -90,7 +112,7 @@ fn disk_of(mesh: &TriangleMesh) -> Result<(DiskMesh, Vec<u32>, Vec<String>), Err
     if turned > 0 {
         warnings.push(format!("{turned} triangles were turned over to agree with their neighbours"));
     }
-    Ok((disk, kept, warnings))
+    Ok(Disk { disk, kept, merged: duplicates.count(), warnings })
 }
 
 /// Vertices of the cleaned mesh at points of the given one; of equal vertices the first stayed.

@@ -3,6 +3,7 @@
 mod boundary;
 mod closed;
 mod cloud;
+mod few;
 mod guard;
 mod large;
 mod mesh;
@@ -16,16 +17,23 @@ use std::{array, mem};
 use geom_io::{Format, Scan, read_scan};
 use ndarray::{Array1, Array2, ArrayView1, Axis};
 use param_classic::map_quality;
-use point_cloud::{Duplicates, check_surface_cloud};
+use point_cloud::{BoundingBox, Duplicates, check_curve_cloud, check_surface_cloud, principal_axes};
 
+pub(crate) use self::boundary::named_rows;
 pub use self::guard::NetworkReport;
 pub use self::quality::{HoleReport, ParameterReport, SeamReport, Stretch, VoidReport};
-use crate::clean::{Cleaned, clean};
+use crate::clean::{Cleaned, CleaningReport, clean};
 use crate::parameter_options::{Closed, Domain, ParameterChoice, SideRule};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Fewest points of a surface: four control points of the smallest bilinear one.
 const MIN_POINTS: usize = 4;
+
+/// Standard deviation of parameters across the line that they are nearest to, as a share of that along it, from which on they
+/// span a domain.
+///
+/// Limit: along a line of slope 1 the square holds 10⁴ times as many functions without as with points, and a fit is left to its smoothing.
+const LINE_PER_LENGTH: f64 = 1e-4;
 
 /// What the user of a cloud without order can do about a parameterization that needs more.
 const CLOUD_HINT: &str =
@@ -54,6 +62,8 @@ pub struct Parameterized {
     pub reversed: bool,
     /// Whether u and whether v wraps at 1; a triangle may then lie across the seam.
     pub closed: [bool; 2],
+    /// The diagonal of the points' bounding box, without what was set aside: what percentages are of.
+    pub diagonal: f64,
     /// How it went, and how good it is.
     pub report: ParameterReport,
     /// What the user should know.
@@ -87,6 +97,8 @@ struct Layout {
     is_height_field: bool,
     network: Option<NetworkReport>,
     warnings: Vec<String>,
+    /// Vertices that were made one with others.
+    merged: usize,
 }
 
 /// Reads a file, as `options.read` says, and finds parameters for its points.
@@ -113,16 +125,22 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     if columns != 3 {
         return Err(Error::Coordinates { given: columns });
     }
-    check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
+    // Beside a value far beyond the rest all others lie on a line, so that is looked at later.
+    check_curve_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let read = scan.cloud.points.nrows();
-    let Cleaned { mut scan, found, .. } = clean(scan, options, watch)?;
+    let Cleaned { mut scan, found, report: cleaning, gaps, .. } = clean(scan, options, watch)?;
     check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let mut warnings = scan.notes.clone();
     warnings.extend(found.warnings(&options.clean));
 
     let _ = watch(Event::Step("laying out"));
     let (rows, confidence) = (mem::take(&mut scan.rows), scan.weights.take());
-    let layout = lay_out(scan, &rows, options, watch).map_err(|error| error.of_rows(&rows))?;
+    let mut layout = lay_out(scan, &rows, options, watch).map_err(|error| error.of_rows(&rows))?;
+    if !gaps.is_empty() {
+        let has_data = |&at: &usize| gaps.binary_search(&(layout.rows[at] as usize)).is_err();
+        let kept: Vec<usize> = (0..layout.rows.len()).filter(has_data).collect();
+        layout.keep(&kept);
+    }
     warnings.extend(layout.warnings.iter().cloned());
     let _ = watch(Event::Step("measuring the parameters"));
     let in_file = |i: u32| rows[layout.rows[i as usize] as usize];
@@ -133,6 +151,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         points: seam.map(|i| std::array::from_fn(|k| layout.points[[i as usize, k]])),
     });
     report.left_out = read - layout.rows.len();
+    report.cleaning = CleaningReport { merged: cleaning.merged + layout.merged, ..cleaning };
     report.outliers = found.outliers;
     report.stray = found.stray;
     report.seconds = start.elapsed().as_secs_f64();
@@ -140,7 +159,9 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     let rows = (0..layout.rows.len() as u32).map(in_file).collect();
     let Layout { points, parameters, triangles, is_mesh, boundary, rims, reversed, .. } = layout;
     let closed = options.closed.directions();
+    let diagonal = BoundingBox::of(points.view())?.diagonal();
     Ok(Parameterized {
+        diagonal,
         points,
         parameters,
         weights,
@@ -321,6 +342,11 @@ fn check_domain(parameters: &Array2<f64>, domain: Domain) -> Result<(), Error> {
         if column.iter().all(|&x| x == value) {
             return Err(Error::FlatDomain { direction, value });
         }
+    }
+    let places: Vec<[f64; 3]> = parameters.rows().into_iter().map(|uv| [uv[0], uv[1], 0.0]).collect();
+    let [_, across, along] = principal_axes(&places).variances.map(|variance| variance.max(0.0).sqrt());
+    if across <= LINE_PER_LENGTH * along {
+        return Err(Error::LineDomain { points: places.len(), width: across, length: along });
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{Layout, NetworkReport, spread_over_square};
 use crate::Error;
-use crate::clean::Found;
+use crate::clean::{CleaningReport, Found};
 use crate::parameter_options::{Clean, Closed, Domain};
 
 /// Points that voids and distances are measured on, evenly taken from all. Their triangulation takes a tenth of a second.
@@ -25,7 +25,9 @@ pub struct ParameterReport {
     pub subset: Option<usize>,
     /// Points of the file that have no parameters: removed, equal to others, stray.
     pub left_out: usize,
-    /// Statistical outliers, where they were looked for.
+    /// What was set aside unasked.
+    pub cleaning: CleaningReport,
+    /// Outliers, where they were looked for: those that were set aside or, with `--clean outliers`, removed.
     pub outliers: Option<usize>,
     /// Points outside the largest piece, where they were looked for.
     pub stray: Option<usize>,
@@ -142,6 +144,7 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
         network: layout.network.clone(),
         subset: layout.subset,
         left_out: 0,
+        cleaning: CleaningReport::default(),
         outliers: None,
         stray: None,
         spacing: layout.spacing,
@@ -179,12 +182,6 @@ impl Found {
                 };
                 let pieces = self.pieces.map(|pieces| format!(" of {pieces}")).unwrap_or_default();
                 warnings.push(format!("{stray} points lie outside the largest piece{pieces}; {advice}"));
-            }
-            _ => {}
-        }
-        match self.outliers {
-            Some(outliers) if outliers > 0 && !removed.contains(&Clean::Outliers) => {
-                warnings.push(format!("{outliers} points look like outliers; --clean outliers removes them"));
             }
             _ => {}
         }
