@@ -4,8 +4,9 @@
 //! [`drop_unreferenced`]), then [`DiskMesh::new`], which checks everything a map onto the square relies on, then
 //! [`disk_corners`]. [`largest_disk`] makes a disk of a mesh that is not quite one.
 //!
-//! The way from an unordered cloud: [`find_outliers`], [`find_stray_pieces`] and [`thin`] where needed, then [`find_boundary`], which
-//! spans a mesh over the cloud; its [`CloudBoundary::disk_mesh`] goes the same way as a raw mesh from there.
+//! The way from an unordered cloud: [`find_outliers`], [`find_stray_pieces`] and [`thin`] where needed, [`find_layers`] where scans may
+//! lie a little apart, then [`find_boundary`], which spans a mesh over the cloud (over rows of points that are far apart once
+//! [`thin_rows`] has thinned them); its [`CloudBoundary::disk_mesh`] goes the same way as a raw mesh from there.
 //!
 //! This crate never reads a file and knows nothing about splines.
 
@@ -22,6 +23,7 @@ mod edges;
 mod error;
 mod fans;
 mod handles;
+mod layers;
 mod local_frame;
 mod loop_curve;
 mod neighbours;
@@ -31,6 +33,7 @@ mod orient_normals;
 mod pieces;
 mod quadric;
 mod repair;
+mod rows;
 mod sampling;
 mod search;
 mod star;
@@ -49,6 +52,7 @@ pub use disk::{BoundaryLoop, DiskMesh};
 pub use duplicates::{Duplicates, merge_duplicate_points, merge_duplicate_vertices};
 pub use edges::{EdgeMap, HalfEdge};
 pub use error::CloudError;
+pub use layers::{Layers, find_layers};
 pub use local_frame::{LocalFrames, SPACING_NEIGHBOURS};
 pub use neighbours::Neighbours;
 pub use order_loop::{loop_length, order_loop};
@@ -56,7 +60,8 @@ pub use orient::orient_consistently;
 pub use pieces::{Pieces, SubMesh, drop_unreferenced, largest_piece, unreferenced_vertices};
 pub use quadric::{PrincipalAxes, principal_axes};
 pub use repair::{LargestDisk, largest_disk};
+pub use rows::{Rows, find_rows, thin_rows};
 pub use search::{CloudTree, Neighbour};
 pub use thin::{Thinned, spread_subset, thin};
 pub use triangle_tree::{Foot, TriangleTree, barycentric_in_plane};
-pub use tube::TubeEnds;
+pub use tube::{TubeEnds, TubeShape};

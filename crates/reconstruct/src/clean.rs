@@ -82,7 +82,7 @@ pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
 }
 
 /// Whether a cloud without order would be laid out by its shape, so that stray points matter.
-fn is_laid_out_by_shape(options: &ParameterOptions) -> bool {
+pub(crate) fn is_laid_out_by_shape(options: &ParameterOptions) -> bool {
     !matches!(options.param, ParameterChoice::Given | ParameterChoice::Chord | ParameterChoice::Centripetal)
 }
 

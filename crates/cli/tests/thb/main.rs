@@ -11,4 +11,5 @@ mod models;
 mod results;
 mod reweighting;
 mod scans;
+mod unasked;
 mod usage;
