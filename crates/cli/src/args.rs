@@ -479,8 +479,8 @@ pub(crate) struct LayoutArgs {
     /// --lambda then applies in their units).
     #[arg(long, default_value_t = ParameterOptions::default().domain, help_heading = "How it is laid out")]
     domain: Domain,
-    /// Directions in which the surface closes on itself: none, u, v or uv, for grids whose lines close, for meshes
-    /// and clouds of tubes, and for parameters of the file, which then wrap at 1. --mesh must have more elements there than the degree.
+    /// Directions in which the surface closes on itself: auto, none, u, v or uv. auto is u for meshes and clouds that are tubes by their
+    /// shape, else none; the others are for grids whose lines close, for meshes and clouds of tubes, and for parameters of the file, which then wrap at 1. --mesh must have more elements there than the degree.
     #[arg(long, default_value_t = ParameterOptions::default().closed, help_heading = "How it is laid out")]
     closed: Closed,
     /// Four points of the outline that become the corners (0,0), (1,0), (1,1), (0,1): their rows in the file, from 0.

@@ -404,7 +404,7 @@ impl<'a> Measured<'a> {
 
     fn to_cloud(&self, cloud: &Cloud<'_>, tolerance: f64) -> SurfaceSide {
         let part = |place: [f64; 3], _: u32, _: [f64; 3], area: f64| {
-            let (distance, nearest) = cloud.tree.nearest_to(place);
+            let (distance, nearest) = cloud.tree.closest(place);
             ((distance - cloud.spacing[nearest as usize]).max(0.0), area, place, distance)
         };
         let found = self.parts(&part);

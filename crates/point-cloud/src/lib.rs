@@ -5,8 +5,9 @@
 //! [`disk_corners`]. [`largest_disk`] makes a disk of a mesh that is not quite one.
 //!
 //! The way from an unordered cloud: [`FarValues::of_cloud`], [`Duplicates::find_near`], [`find_isolated`], then [`find_outliers`],
-//! [`find_stray_pieces`] and [`thin`] where needed, then [`find_boundary`], which
-//! spans a mesh over the cloud; its [`CloudBoundary::disk_mesh`] goes the same way as a raw mesh from there.
+//! [`find_stray_pieces`] and [`thin`] where needed, [`find_layers`] where scans may lie a little apart, then [`find_boundary`], which
+//! spans a mesh over the cloud (over rows of points that are far apart once [`thin_rows`] has thinned them); its
+//! [`CloudBoundary::disk_mesh`] goes the same way as a raw mesh from there.
 //!
 //! This crate never reads a file and knows nothing about splines.
 
@@ -25,6 +26,7 @@ mod fans;
 mod far_values;
 mod handles;
 mod isolated;
+mod layers;
 mod local_frame;
 mod loop_curve;
 mod near_duplicates;
@@ -35,6 +37,7 @@ mod orient_normals;
 mod pieces;
 mod quadric;
 mod repair;
+mod rows;
 mod sampling;
 mod search;
 mod star;
@@ -55,6 +58,7 @@ pub use edges::{EdgeMap, HalfEdge};
 pub use error::CloudError;
 pub use far_values::{FarValues, robust_diagonal};
 pub use isolated::find_isolated;
+pub use layers::{Layers, find_layers};
 pub use local_frame::{LocalFrames, SPACING_NEIGHBOURS};
 pub use near_duplicates::{Welded, weld};
 pub use neighbours::Neighbours;
@@ -63,7 +67,8 @@ pub use orient::orient_consistently;
 pub use pieces::{Pieces, SubMesh, drop_unreferenced, largest_piece, unreferenced_vertices};
 pub use quadric::{PrincipalAxes, principal_axes};
 pub use repair::{LargestDisk, largest_disk};
+pub use rows::{Rows, find_rows, thin_rows};
 pub use search::{CloudTree, Neighbour};
 pub use thin::{Thinned, spread_subset, thin};
 pub use triangle_tree::{Foot, TriangleTree, barycentric_in_plane};
-pub use tube::TubeEnds;
+pub use tube::{TubeEnds, TubeShape};

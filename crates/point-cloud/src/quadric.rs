@@ -73,8 +73,6 @@ pub(crate) struct Quadric {
 impl Quadric {
     /// Least squares over `points`; `None` for fewer than six or where they do not determine the quadric.
     pub(crate) fn fit(points: &[[f64; 3]]) -> Option<Self> {
-        // Pivots below this share of the number of points: the points lie on a conic, or nearly so.
-        const PIVOT: f64 = 1e-6;
         let n = points.len();
         let radius = points.iter().map(|p| p[0] * p[0] + p[1] * p[1]).fold(0.0, f64::max).sqrt();
         if n < 6 || radius == 0.0 {
@@ -84,7 +82,7 @@ impl Quadric {
         let mut b = [0.0; 6];
         for p in points {
             let (x, y) = (p[0] / radius, p[1] / radius);
-            let basis = [1.0, x, y, x * x, x * y, y * y];
+            let basis = basis(x, y);
             for r in 0..6 {
                 b[r] += basis[r] * p[2];
                 for c in 0..=r {
@@ -92,19 +90,7 @@ impl Quadric {
                 }
             }
         }
-        // Cholesky in place.
-        for j in 0..6 {
-            for i in j..6 {
-                let s = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
-                a[i][j] = if i > j {
-                    s / a[j][j]
-                } else if s > PIVOT * n as f64 {
-                    s.sqrt()
-                } else {
-                    return None;
-                };
-            }
-        }
+        let a = factorize(a, n)?;
         let scaled = solve(&a, b);
         let leverage = solve(&a, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0];
         let power = [1.0, radius, radius, radius * radius, radius * radius, radius * radius];
@@ -133,8 +119,33 @@ impl Quadric {
     }
 }
 
+/// The functions of a quadric.
+pub(crate) fn basis(x: f64, y: f64) -> [f64; 6] {
+    [1.0, x, y, x * x, x * y, y * y]
+}
+
+/// The Cholesky factor of the normal matrix of `n` points in the unit disk, of which the lower triangle is given; `None` where they do
+/// not determine a quadric.
+pub(crate) fn factorize(mut a: [[f64; 6]; 6], n: usize) -> Option<[[f64; 6]; 6]> {
+    // Pivots below this share of the number of points: the points lie on a conic, or nearly so.
+    const PIVOT: f64 = 1e-6;
+    for j in 0..6 {
+        for i in j..6 {
+            let s = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
+            a[i][j] = if i > j {
+                s / a[j][j]
+            } else if s > PIVOT * n as f64 {
+                s.sqrt()
+            } else {
+                return None;
+            };
+        }
+    }
+    Some(a)
+}
+
 /// Solves `L Lᵀ x = b` for the lower triangle `l`.
-fn solve(l: &[[f64; 6]; 6], mut b: [f64; 6]) -> [f64; 6] {
+pub(crate) fn solve(l: &[[f64; 6]; 6], mut b: [f64; 6]) -> [f64; 6] {
     for i in 0..6 {
         b[i] = (b[i] - (0..i).map(|k| l[i][k] * b[k]).sum::<f64>()) / l[i][i];
     }

@@ -75,6 +75,15 @@ impl<'a, const N: usize> CloudTree<'a, N> {
         list
     }
 
+    /// The `k` points nearest to a place, by distance and then by row.
+    pub(crate) fn nearest_to(&self, place: [f64; N], k: usize) -> Vec<Neighbour> {
+        let count = NonZero::new(k.min(self.points.len())).unwrap_or(NonZero::<usize>::MIN);
+        let found = self.tree.query(&place).nearest_n::<SquaredEuclidean<f64>>(count).execute();
+        let mut list: Vec<Neighbour> = found.iter().map(|f| (f.distance.sqrt(), f.item)).collect();
+        list.sort_unstable_by(order);
+        list
+    }
+
     /// The neighbours of point `i` at a distance of at most `radius`, by distance and then by row.
     pub fn within(&self, i: usize, radius: f64) -> Vec<Neighbour> {
         let query = self.tree.query(&self.points[i]);
@@ -84,11 +93,11 @@ impl<'a, const N: usize> CloudTree<'a, N> {
 
     /// Distance of a place to the nearest point.
     pub fn distance(&self, place: [f64; N]) -> f64 {
-        self.nearest_to(place).0
+        self.closest(place).0
     }
 
     /// The point nearest to a place.
-    pub fn nearest_to(&self, place: [f64; N]) -> Neighbour {
+    pub fn closest(&self, place: [f64; N]) -> Neighbour {
         let found = self.tree.query(&place).nearest_one::<SquaredEuclidean<f64>>().execute();
         (found.distance.sqrt(), found.item)
     }

@@ -19,7 +19,95 @@ pub struct TubeEnds<'a> {
     pub length: f64,
 }
 
+/// What tells a tube from a sheet with a hole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TubeShape {
+    /// Length of the shorter end over that of the longer one.
+    pub rim_ratio: f64,
+    /// Length of the longest other loop over that of the shorter end; 0 without one.
+    pub hole_ratio: f64,
+    /// Length of the sum of all areas as vectors over the area: 0 on a cylinder, the sine of half the opening angle on a cone, 1 on a
+    /// plate.
+    pub facing: f64,
+    /// Distance of the centres of the ends over the way between the ends along the surface: 1 on a cylinder, 0 on a plate.
+    pub apart: f64,
+    /// The way between the ends over the length of the longer one.
+    pub slenderness: f64,
+}
+
+/// Least length of the shorter end over the longer one, and of the holes of a sheet over its outline where both may be ends of a tube.
+///
+/// Calibrated: cones to half their radius and tubes cut aslant have 0.5 and more; windows and lamps of a car shell, eyes and mouths of
+/// faces 0.02 to 0.3 of the outline. Sheets with a larger hole fail by the next two.
+const LEAST_RIM_RATIO: f64 = 0.5;
+
+/// Longest hole over the shorter end.
+///
+/// Calibrated: beside a hole about as long as an end it isn't clear which loops are the ends.
+const MOST_HOLE_RATIO: f64 = 0.5;
+
+/// Largest sum of areas over the area.
+///
+/// Derived: a cone of an opening angle of 60° has 0.5, half a cylinder 2/π = 0.64, whatever was cut out of it.
+const MOST_FACING: f64 = 0.5;
+
+/// Least distance of the centres over the way between the ends, as a share of that of a tube bent as far as its length lets it.
+///
+/// Derived: a tube no thicker than its bend is wide, of a slenderness s, bends by an angle 2πs at most, and an arc of that angle has
+/// a chord of sin(πs)/(πs) of its length. A cone of 60° has 0.87, and a way along edges is up to 8 % longer than the shortest one. A frame,
+/// whose hole lies within its outline, is narrow and has far less, on three quarters of a cylinder 0.76.
+const LEAST_APART: f64 = 0.8;
+
+impl TubeShape {
+    /// Whether the shape is that of a tube, so that nothing else fits as well.
+    pub fn is_tube(&self) -> bool {
+        self.rim_ratio >= LEAST_RIM_RATIO
+            && self.hole_ratio <= MOST_HOLE_RATIO
+            && self.facing <= MOST_FACING
+            && self.apart >= LEAST_APART * self.chord_of_a_bend()
+    }
+
+    /// Chord over arc of a tube of this slenderness that is bent as far as it can be; 0 from a whole circle on.
+    fn chord_of_a_bend(&self) -> f64 {
+        let half = std::f64::consts::PI * self.slenderness.min(1.0);
+        if half > 0.0 { half.sin() / half } else { 1.0 }
+    }
+}
+
 impl DiskMesh {
+    /// What tells whether the mesh is a tube; `None` with one boundary loop only. O(n log n).
+    pub fn tube_shape(&self) -> Option<TubeShape> {
+        let TubeEnds { ends, holes, length, .. } = self.tube_ends().ok()?;
+        let hole = holes.iter().map(|rim| rim.length).fold(0.0, f64::max);
+        let origin = self.vertex(0);
+        let at = |v: u32| sub(self.vertex(v), origin);
+        let (mut sum, mut area) = ([0.0; 3], 0.0);
+        for t in self.triangles() {
+            let [a, b, c] = t.map(at);
+            let twice = cross(sub(b, a), sub(c, a));
+            (sum, area) = (add(sum, twice), area + norm(twice));
+        }
+        // Of the rim as a curve, whatever the spacing of its vertices.
+        let centre = |rim: &BoundaryLoop| {
+            let n = rim.vertices.len();
+            let (mut sum, mut total) = ([0.0; 3], 0.0);
+            for k in 0..n {
+                let (a, b) = (at(rim.vertices[k]), at(rim.vertices[(k + 1) % n]));
+                let edge = norm(sub(b, a));
+                (sum, total) = (add(sum, scale(0.5 * edge, add(a, b))), total + edge);
+            }
+            scale(total.recip(), sum)
+        };
+        let [longer, shorter] = [ends[0].length.max(ends[1].length), ends[0].length.min(ends[1].length)];
+        Some(TubeShape {
+            rim_ratio: shorter / longer,
+            hole_ratio: hole / shorter,
+            facing: norm(sum) / area,
+            apart: norm(sub(centre(ends[0]), centre(ends[1]))) / length,
+            slenderness: length / longer,
+        })
+    }
+
     /// The ends of the mesh, taken as a tube. A mesh of one piece without handles that has two boundary loops is one; of
     /// further loops those nearer to the first end are holes. O(n log n).
     ///
@@ -191,8 +279,66 @@ mod tests {
         assert!((DiskMesh::new(mesh).unwrap().enclosed_volume() + outward).abs() < 1e-12 && outward > 0.0);
     }
 
+    /// A ring of cells, as the rows of `at(i, j)` with i round it.
+    fn ring(around: u32, along: u32, at: impl Fn(f64, f64) -> [f64; 3]) -> DiskMesh {
+        let number = |i: u32, j: u32| (i % around) * (along + 1) + j;
+        let cells = (0..around * along).map(|c| (c / along, c % along));
+        let triangles = cells
+            .flat_map(|(i, j)| {
+                let [a, b, c, d] = [number(i, j), number(i + 1, j), number(i + 1, j + 1), number(i, j + 1)];
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        let vertices = Array2::from_shape_fn(((around * (along + 1)) as usize, 3), |(row, k)| {
+            let (i, j) = (row as u32 / (along + 1), row as u32 % (along + 1));
+            at(f64::from(i) / f64::from(around), f64::from(j) / f64::from(along))[k]
+        });
+        DiskMesh::new(TriangleMesh { vertices, triangles }).unwrap()
+    }
+
+    #[test]
+    fn tubes_are_told_from_sheets_with_a_hole() {
+        // Of any length, cones, bent ones up to a whole circle, with a twist of the section, cut aslant.
+        for length in [0.2, 1.0, 5.0, 40.0] {
+            let straight = ring(32, 8, |u, v| [(TAU * u).cos(), (TAU * u).sin(), length * v]);
+            let shape = straight.tube_shape().unwrap();
+            assert!(shape.is_tube() && (shape.apart - 1.0).abs() < 1e-9 && shape.facing < 1e-9, "{length} {shape:?}");
+            let aslant =
+                ring(32, 8, |u, v| [(TAU * u).cos(), (TAU * u).sin(), v * (length + 0.8 * (1.0 + (TAU * u).cos()))]);
+            assert!(aslant.tube_shape().unwrap().is_tube(), "{length} {:?}", aslant.tube_shape());
+        }
+        for turn in [0.25, 0.5, 0.95] {
+            let elbow = ring(24, 60, |u, v| {
+                let (r, a) = (4.0 + (TAU * u).cos(), TAU * turn * v);
+                [r * a.cos(), r * a.sin(), (TAU * u).sin()]
+            });
+            assert!(elbow.tube_shape().unwrap().is_tube(), "{turn} {:?}", elbow.tube_shape());
+        }
+        // Rings of a plate and of a dome with holes of every size; frames cut out of half and more of a cylinder.
+        for hole in [0.05, 0.3, 0.5, 0.8, 0.95] {
+            for bulge in [0.0, 0.3, 0.6] {
+                let plate = ring(48, 8, |u, v| {
+                    let r = hole + (1.0 - hole) * v;
+                    [r * (TAU * u).cos(), r * (TAU * u).sin(), bulge * (1.0 - r * r)]
+                });
+                let shape = plate.tube_shape().unwrap();
+                assert!(!shape.is_tube() || bulge == 0.6 && hole > 0.9, "{hole} {bulge} {shape:?}");
+            }
+            for wrap in [0.3, 0.5, 0.75] {
+                let frame = ring(48, 8, |u, v| {
+                    let (s, c) = (TAU * u).sin_cos();
+                    let size = s.abs().max(c.abs()).recip() * (hole + (1.0 - hole) * v);
+                    let angle = 0.5 * TAU * wrap * c * size;
+                    [angle.cos(), angle.sin(), 2.0 * s * size]
+                });
+                assert!(!frame.tube_shape().unwrap().is_tube(), "{hole} {wrap} {:?}", frame.tube_shape());
+            }
+        }
+    }
+
     #[test]
     fn one_loop_is_no_tube() {
+        assert!(DiskMesh::new(cone(|i, _| i == 0)).unwrap().tube_shape().is_none());
         let disk = DiskMesh::new(cone(|i, _| i == 0)).unwrap();
         assert!(matches!(disk.tube_ends(), Err(CloudError::NoTube { loops: 1, .. })));
     }

@@ -223,7 +223,7 @@ pub(crate) fn far_values(points: ArrayView2<'_, f64>, triangles: Option<&[[u32; 
 }
 
 /// Whether a cloud without order would be laid out by its shape, so that stray points matter.
-fn is_laid_out_by_shape(options: &ParameterOptions) -> bool {
+pub(crate) fn is_laid_out_by_shape(options: &ParameterOptions) -> bool {
     !matches!(options.param, ParameterChoice::Given | ParameterChoice::Chord | ParameterChoice::Centripetal)
 }
 

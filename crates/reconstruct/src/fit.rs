@@ -94,6 +94,8 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let format = scan.format;
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
     let laid_out = parameterize(scan, &options.parameters, watch)?;
+    let asked = options;
+    let options = &asked.with_closed(laid_out.closed);
     let mut warnings = laid_out.warnings.clone();
     let points = &laid_out.points;
     let for_few = options.for_few(points.nrows());
@@ -215,7 +217,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             corners: laid_out.report.corners,
         },
         parameterization: laid_out.report,
-        options: options.clone(),
+        options: asked.clone(),
         result: ResultReport {
             method,
             dofs: last.dofs,

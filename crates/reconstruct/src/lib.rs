@@ -65,7 +65,7 @@ pub use parameter_options::{
     SideRule,
 };
 pub use parameters::{
-    HoleReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport, parameterize,
+    HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport, parameterize,
     parameterize_file,
 };
 pub use picture::draw_parameters;

@@ -9,6 +9,7 @@ use geom_io::LengthUnit;
 use serde::{Serialize, Serializer};
 use thb_core::{MAX_DEGREE, MAX_LEVELS, Quadrature};
 
+use crate::parameter_options::Closed;
 use crate::{Error, ParameterOptions, QuasiOptions, ReweightingOptions};
 
 /// Options of [`crate::fit_scan`]. The defaults need no user.
@@ -149,6 +150,20 @@ impl FitOptions {
             }
         }
         Some(Self { degree: Pair(degree), mesh: Some(Pair(elements)), ..self.clone() })
+    }
+
+    /// The options with the directions that were found to close. A coarsest level that is too coarse to go round gets as many elements as
+    /// that takes.
+    pub(crate) fn with_closed(&self, closed: [bool; 2]) -> Self {
+        let mut options = self.clone();
+        if self.parameters.closed == Closed::Auto {
+            options.parameters.closed = Closed::of(closed);
+            if let Some(given) = &mut options.mesh {
+                let enough = |d: usize| if closed[d] { self.degree.0[d] + 1 } else { 1 };
+                given.0 = std::array::from_fn(|d| given.0[d].max(enough(d)));
+            }
+        }
+        options
     }
 
     /// The extension of a marked region, in cells of the next level.

@@ -57,7 +57,7 @@ impl Default for ParameterOptions {
             mask: None,
             param: ParameterChoice::Auto,
             domain: Domain::Unit,
-            closed: Closed::None,
+            closed: Closed::Auto,
             corners: None,
             outline: None,
             side_rule: SideRule::Chord,
@@ -78,7 +78,7 @@ impl ParameterOptions {
     /// # Errors
     /// [`Error::OptionRange`].
     pub fn check(&self) -> Result<(), Error> {
-        let unit = self.closed == Closed::None || self.domain == Domain::Unit;
+        let unit = self.closed.directions() == [false; 2] || self.domain == Domain::Unit;
         range(
             "--closed",
             self.closed.to_string(),
@@ -132,7 +132,9 @@ named!(
 );
 named!(
     /// The directions in which the surface closes on itself.
-    Closed, "none, u, v or uv",
+    Closed, "auto, none, u, v or uv",
+    /// u for meshes and clouds that are tubes by their shape, else none.
+    Auto = "auto",
     /// None: four sides.
     None = "none",
     /// u: a tube round u, with two sides.
@@ -144,9 +146,19 @@ named!(
 );
 
 impl Closed {
-    /// Whether u and whether v closes.
+    /// Whether u and whether v closes as far as the option says; what `auto` finds stands in [`crate::Parameterized::closed`].
     pub fn directions(self) -> [bool; 2] {
         [matches!(self, Self::U | Self::Uv), matches!(self, Self::V | Self::Uv)]
+    }
+
+    /// The choice that closes these directions.
+    pub(crate) fn of(directions: [bool; 2]) -> Self {
+        match directions {
+            [false, false] => Self::None,
+            [true, false] => Self::U,
+            [false, true] => Self::V,
+            [true, true] => Self::Uv,
+        }
     }
 }
 

@@ -12,4 +12,5 @@ mod models;
 mod results;
 mod reweighting;
 mod scans;
+mod unasked;
 mod usage;

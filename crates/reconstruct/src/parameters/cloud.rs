@@ -7,7 +7,7 @@ use param_classic::{
 use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
 
 use super::{Layout, few, mesh, network, tube};
-use crate::parameter_options::{Closed, Networks, ParameterChoice};
+use crate::parameter_options::{Networks, ParameterChoice};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
 /// Distance from the mesh over a cloud, in spacings, from which on a point is not of the surface.
@@ -24,13 +24,13 @@ pub(super) struct Cloud {
 /// Lays out a cloud at once: by default through a mesh that is spanned over it; else, and where none comes out, through its
 /// boundary and barycentric weights (Imperatore 2024, §4.2.1).
 pub(super) fn lay_out(
-    cloud: Cloud,
+    cloud: &Cloud,
     choice: ParameterChoice,
     options: &ParameterOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
-    if options.closed != Closed::None {
-        return tube::of_cloud(&cloud, choice, options, watch);
+    if options.closed.directions() != [false; 2] {
+        return tube::of_cloud(cloud, choice, options, watch);
     }
     let by_shape = matches!(choice, ParameterChoice::Auto | ParameterChoice::MeanValue);
     if by_shape && cloud.boundary.is_none() && cloud.points.nrows() < few::FEW {
@@ -38,6 +38,9 @@ pub(super) fn lay_out(
     }
     let _ = watch(Event::Step("spanning a mesh over the cloud"));
     let found = find_boundary(cloud.points.view(), &BoundaryParams::default());
+    if let Some(layout) = tube::of_cloud_unasked(cloud, &found, choice, options, watch) {
+        return Ok(layout);
+    }
     let spanned = match (found, &cloud.boundary) {
         (Ok(found), _) => Some(found),
         // A boundary that is given needs no finding.
@@ -47,8 +50,8 @@ pub(super) fn lay_out(
     let has_mesh = spanned.as_ref().is_some_and(|found| found.triangles.is_some());
     let by_mesh = by_shape && cloud.boundary.is_none();
     let mut layout = match &spanned {
-        Some(found) if by_mesh && has_mesh => by_spanned_mesh(&cloud, found, options, watch)?,
-        _ => by_boundary(&cloud, spanned.as_ref(), choice, options, watch)?,
+        Some(found) if by_mesh && has_mesh => by_spanned_mesh(cloud, found, options, watch)?,
+        _ => by_boundary(cloud, spanned.as_ref(), choice, options, watch)?,
     };
     if by_mesh && !has_mesh {
         layout

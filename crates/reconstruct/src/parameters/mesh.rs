@@ -10,7 +10,7 @@ use point_cloud::{
 
 use super::cloud::Cloud;
 use super::{Layout, corners_among, large, tube};
-use crate::parameter_options::{Closed, ParameterChoice, Refine};
+use crate::parameter_options::{ParameterChoice, Refine};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
 /// Share of the triangles up to which pieces besides the largest are stray and left out.
@@ -158,8 +158,11 @@ fn map(
     options: &ParameterOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
-    if options.closed != Closed::None {
+    if options.closed.directions() != [false; 2] {
         return tube::of_mesh(&disk, choice, options, watch);
+    }
+    if let Some(layout) = tube::of_mesh_unasked(&disk, choice, options, watch) {
+        return Ok(layout);
     }
     let hole = |rim: &point_cloud::BoundaryLoop| HoleReport { points: rim.vertices.len(), length: rim.length };
     let holes: Vec<HoleReport> = disk.holes().iter().map(hole).collect();

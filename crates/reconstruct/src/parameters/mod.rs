@@ -6,6 +6,7 @@ mod cloud;
 mod few;
 mod guard;
 mod large;
+mod layers;
 mod mesh;
 mod network;
 mod quality;
@@ -21,6 +22,7 @@ use point_cloud::{BoundingBox, Duplicates, check_curve_cloud, check_surface_clou
 
 pub(crate) use self::boundary::named_rows;
 pub use self::guard::NetworkReport;
+pub use self::layers::LayersReport;
 pub use self::quality::{HoleReport, ParameterReport, SeamReport, Stretch, VoidReport};
 use crate::clean::{Cleaned, CleaningReport, clean};
 use crate::parameter_options::{Closed, Domain, ParameterChoice, SideRule};
@@ -44,6 +46,8 @@ const CLOUD_HINT: &str =
 pub struct Parameterized {
     /// The points, `(m, 3)`.
     pub points: Array2<f64>,
+    /// The same points as they were scanned, where two layers were moved to the middle between them.
+    pub scanned: Option<Array2<f64>>,
     /// Their parameters, `(m, 2)`.
     pub parameters: Array2<f64>,
     /// The confidence in each point, where the file gives one.
@@ -87,6 +91,8 @@ struct Layout {
     corners: Option<[u32; 4]>,
     /// Of each end of a tube the point nearest to the seam.
     seam: Option<[u32; 2]>,
+    /// Directions that close as it was laid out by its shape.
+    closed: [bool; 2],
     method: &'static str,
     refined: bool,
     /// Points that were laid out at once, where not all were.
@@ -132,6 +138,8 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let mut warnings = scan.notes.clone();
     warnings.extend(found.warnings(&options.clean));
+    let layers = layers::to_middle(&mut scan, options, watch)?;
+    warnings.extend(layers.iter().map(|layers| layers.report.to_string()));
 
     let _ = watch(Event::Step("laying out"));
     let (rows, confidence) = (mem::take(&mut scan.rows), scan.weights.take());
@@ -144,7 +152,9 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     warnings.extend(layout.warnings.iter().cloned());
     let _ = watch(Event::Step("measuring the parameters"));
     let in_file = |i: u32| rows[layout.rows[i as usize] as usize];
-    let mut report = quality::measure(&layout, options.domain, options.closed)?;
+    let closed = if options.closed == Closed::Auto { layout.closed } else { options.closed.directions() };
+    let mut report = quality::measure(&layout, options.domain, closed)?;
+    report.layers = layers.as_ref().map(|layers| layers.report);
     report.corners = layout.corners.map(|corners| corners.map(in_file));
     report.seam = layout.seam.map(|seam| SeamReport {
         rows: seam.map(in_file),
@@ -155,14 +165,18 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     report.outliers = found.outliers;
     report.stray = found.stray;
     report.seconds = start.elapsed().as_secs_f64();
+    let scanned = layers.map(|layers| {
+        let laid_out: Vec<usize> = layout.rows.iter().map(|&row| row as usize).collect();
+        layers.scanned.select(Axis(0), &laid_out)
+    });
     let weights = confidence.map(|all| layout.rows.iter().map(|&row| all[row as usize]).collect());
     let rows = (0..layout.rows.len() as u32).map(in_file).collect();
     let Layout { points, parameters, triangles, is_mesh, boundary, rims, reversed, .. } = layout;
-    let closed = options.closed.directions();
     let diagonal = BoundingBox::of(points.view())?.diagonal();
     Ok(Parameterized {
         diagonal,
         points,
+        scanned,
         parameters,
         weights,
         rows,
@@ -196,7 +210,7 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
             let layout = as_they_are(scan.cloud.points, parameters, scan.triangles, "given", Vec::new());
             Ok(Layout { is_height_field, ..layout })
         }
-        (ParameterChoice::Parcnn, ..) if options.closed == Closed::None => {
+        (ParameterChoice::Parcnn, ..) if options.closed.directions() == [false; 2] => {
             let grid = scan.cloud.grid.ok_or_else(|| missing("grid order (columns i, j)", CLOUD_HINT))?;
             let parameters = network::of_grid(scan.cloud.points.view(), grid)?;
             Ok(as_they_are(scan.cloud.points, parameters, scan.triangles, "parcnn", Vec::new()))
@@ -241,7 +255,7 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
             match scan.triangles {
                 Some(triangles) => layout.reversed = layout.runs_against(&triangles, rows.len()),
                 // A tube has an inside.
-                None if options.closed != Closed::None => {}
+                None if layout.closed != [false; 2] => {}
                 None => {
                     layout.warnings.push("the cloud does not tell its outside: --flip turns the face normal".to_owned())
                 }

@@ -4,10 +4,10 @@ use ndarray::Axis;
 use param_classic::{Distortion, Verdict, cloud_quality, map_quality, unroll};
 use serde::Serialize;
 
-use super::{Layout, NetworkReport, spread_over_square};
+use super::{LayersReport, Layout, NetworkReport, spread_over_square};
 use crate::Error;
 use crate::clean::{CleaningReport, Found};
-use crate::parameter_options::{Clean, Closed, Domain};
+use crate::parameter_options::{Clean, Domain};
 
 /// Points that voids and distances are measured on, evenly taken from all. Their triangulation takes a tenth of a second.
 const MEASURED: usize = 20_000;
@@ -31,6 +31,8 @@ pub struct ParameterReport {
     pub outliers: Option<usize>,
     /// Points outside the largest piece, where they were looked for.
     pub stray: Option<usize>,
+    /// Two layers of one surface, between which the points were moved to the middle; `null` where there is one.
+    pub layers: Option<LayersReport>,
     /// Median distance to the nearest points, in the units of the input; of the subset of a large cloud.
     pub spacing: Option<f64>,
     /// Standard deviation of the noise along the normals, in the units of the input.
@@ -108,7 +110,7 @@ pub struct VoidReport {
 }
 
 /// Measures a layout. What concerns rows of the file is left for the caller.
-pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result<ParameterReport, Error> {
+pub(super) fn measure(layout: &Layout, domain: Domain, closed: [bool; 2]) -> Result<ParameterReport, Error> {
     let m = layout.rows.len();
     let step = m.div_ceil(MEASURED);
     let some: Vec<usize> = (0..m).step_by(step).collect();
@@ -119,11 +121,11 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
         spread_over_square(&mut parameters, [false; 2]);
     }
     let mut spread = cloud_quality(points.view(), parameters.view())?;
-    if layout.is_height_field || closed != Closed::None {
+    if layout.is_height_field || closed != [false; 2] {
         // Heights may be in another unit than places, and places next to the two sides of a seam are neighbours.
         spread.distance_correlation = None;
     }
-    let cut = unroll(&layout.triangles, layout.parameters.view(), closed.directions());
+    let cut = unroll(&layout.triangles, layout.parameters.view(), closed);
     let map = map_quality(cut.vertices(layout.points.view()).view(), &cut.triangles, cut.parameters.view())?;
     let mut assessments = vec![spread.assessment(some.len())];
     if !layout.triangles.is_empty() {
@@ -147,6 +149,7 @@ pub(super) fn measure(layout: &Layout, domain: Domain, closed: Closed) -> Result
         cleaning: CleaningReport::default(),
         outliers: None,
         stray: None,
+        layers: None,
         spacing: layout.spacing,
         noise: layout.noise,
         boundary_points: layout.boundary.len(),

@@ -3,12 +3,15 @@
 use ndarray::{Array2, ArrayView2, Axis};
 use param_classic::{TubeMap, TubeMapParams, Weights, extend_map, map_tube, unroll};
 use point_cloud::vec3::{add, dot, scale};
-use point_cloud::{BoundaryLoop, BoundaryParams, CloudError, DiskMesh, TriangleMesh, find_boundary, principal_axes};
+use point_cloud::{
+    BoundaryLoop, BoundaryParams, CloudBoundary, CloudError, DiskMesh, TriangleMesh, TubeEnds, find_boundary,
+    find_rows, principal_axes,
+};
 
 use super::cloud::{Cloud, STRAY};
 use super::{HoleReport, Layout};
 use crate::options::range;
-use crate::parameter_options::{Closed, ParameterChoice, Refine};
+use crate::parameter_options::{Closed, Domain, ParameterChoice, Refine};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Factors by which a cloud that is no tube as it lies is squeezed along its longest axis to span a mesh over it: sections of a
@@ -18,7 +21,7 @@ const SQUEEZES: [f64; 8] = [2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0];
 /// Checks that the options suit a tube that is laid out by its shape; open surfaces pass.
 pub(super) fn check(choice: ParameterChoice, has_outline: bool, options: &ParameterOptions) -> Result<(), Error> {
     let closed = options.closed;
-    if closed == Closed::None {
+    if closed.directions() == [false; 2] {
         return Ok(());
     }
     if closed == Closed::Uv {
@@ -42,8 +45,96 @@ pub(super) fn of_cloud(
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
     let _ = watch(Event::Step("spanning a mesh over the cloud"));
+    through(cloud, span(cloud.points.view())?, choice, options, watch)
+}
+
+/// Whether a scan may be laid out as a tube without being asked: what only sheets have is not given.
+fn may_be_unasked(choice: ParameterChoice, options: &ParameterOptions) -> bool {
+    let by_shape = matches!(choice, ParameterChoice::Auto | ParameterChoice::MeanValue | ParameterChoice::Uniform);
+    options.closed == Closed::Auto
+        && options.domain == Domain::Unit
+        && options.corners.is_none()
+        && options.outline.is_none()
+        && by_shape
+}
+
+fn is_tube(disk: &DiskMesh) -> bool {
+    let shape = disk.tube_shape();
+    tracing::debug!(?shape, "looked for a tube");
+    shape.is_some_and(|shape| shape.is_tube())
+}
+
+/// Maps a mesh round u where it is a tube by its shape, and says so.
+pub(super) fn of_mesh_unasked(
+    disk: &DiskMesh,
+    choice: ParameterChoice,
+    options: &ParameterOptions,
+    watch: &mut Watch<'_>,
+) -> Option<Layout> {
+    if !may_be_unasked(choice, options) || !is_tube(disk) {
+        return None;
+    }
+    let round = ParameterOptions { closed: Closed::U, ..options.clone() };
+    let mut layout = of_mesh(disk, choice, &round, watch).ok()?;
+    layout.warnings.push(told(disk).ok()?);
+    Some(layout)
+}
+
+/// Maps a cloud round u where the mesh over it, of which `found` is the attempt, is a tube by its shape, and says so. Rows of points that
+/// are too far apart for a mesh are squeezed.
+pub(super) fn of_cloud_unasked(
+    cloud: &Cloud,
+    found: &Result<CloudBoundary, CloudError>,
+    choice: ParameterChoice,
+    options: &ParameterOptions,
+    watch: &mut Watch<'_>,
+) -> Option<Layout> {
+    if !may_be_unasked(choice, options) || cloud.boundary.is_some() || cloud.corners.is_some() {
+        return None;
+    }
     let points = cloud.points.view();
-    let Spanned { disk, rows, spacing, noise, squeeze } = span(points)?;
+    let spanned = match found {
+        Ok(found) if found.holes.is_empty() => return None,
+        Ok(found) => {
+            let (disk, rows) = tube_of(found, points).ok()?;
+            Spanned { disk, rows, spacing: found.spacing, noise: found.noise, squeeze: 1.0 }
+        }
+        Err(CloudError::NoSurface { .. } | CloudError::CloudPieces { .. }) => {
+            find_rows(points).ok()??;
+            span_squeezed(points)?
+        }
+        Err(_) => return None,
+    };
+    if !is_tube(&spanned.disk) {
+        return None;
+    }
+    let told = told(&spanned.disk).ok()?;
+    let round = ParameterOptions { closed: Closed::U, ..options.clone() };
+    let mut layout = through(cloud, spanned, choice, &round, watch).ok()?;
+    layout.warnings.push(told);
+    Some(layout)
+}
+
+/// Says that a tube was recognized.
+fn told(disk: &DiskMesh) -> Result<String, CloudError> {
+    let TubeEnds { ends, .. } = disk.tube_ends()?;
+    Ok(format!(
+        "a tube by its shape, with two ends of like length ({:.4e} and {:.4e}): laid out round u, as with --closed u; --closed none lays \
+         it out as a sheet",
+        ends[0].length, ends[1].length
+    ))
+}
+
+/// Maps the mesh over a cloud; points off the mesh are projected onto it.
+fn through(
+    cloud: &Cloud,
+    spanned: Spanned,
+    choice: ParameterChoice,
+    options: &ParameterOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Layout, Error> {
+    let points = cloud.points.view();
+    let Spanned { disk, rows, spacing, noise, squeeze } = spanned;
     let mut layout = of_mesh(&disk, choice, options, watch)?;
     let directions = options.closed.directions();
     let cut = unroll(&layout.triangles, layout.parameters.view(), directions);
@@ -119,11 +210,16 @@ struct Spanned {
 /// Spans a tube over a cloud: over the points as they are or, where they lie in rows too far apart, squeezed by the factor that
 /// leaves the shortest boundary.
 fn span(points: ArrayView2<'_, f64>) -> Result<Spanned, Error> {
-    let places: Vec<[f64; 3]> = points.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
     let first = match span_as_it_is(points, points) {
         Ok((disk, rows, spacing, noise)) => return Ok(Spanned { disk, rows, spacing, noise, squeeze: 1.0 }),
         Err(reason) => reason,
     };
+    span_squeezed(points).ok_or_else(|| first.into())
+}
+
+/// Spans a tube over a cloud squeezed along its longest axis.
+fn span_squeezed(points: ArrayView2<'_, f64>) -> Option<Spanned> {
+    let places: Vec<[f64; 3]> = points.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
     let axis = principal_axes(&places).directions[2];
     let mut best: Option<(f64, Spanned)> = None;
     for squeeze in SQUEEZES {
@@ -143,7 +239,7 @@ fn span(points: ArrayView2<'_, f64>) -> Result<Spanned, Error> {
             Err(reason) => tracing::debug!(squeeze, %reason, "no tube"),
         }
     }
-    best.map(|(_, spanned)| spanned).ok_or_else(|| first.into())
+    best.map(|(_, spanned)| spanned)
 }
 
 type TubeOfCloud = (DiskMesh, Vec<usize>, f64, f64);
@@ -151,6 +247,12 @@ type TubeOfCloud = (DiskMesh, Vec<usize>, f64, f64);
 /// The mesh over squeezed points, as a tube over the points themselves; spacing and noise.
 fn span_as_it_is(points: ArrayView2<'_, f64>, squeezed: ArrayView2<'_, f64>) -> Result<TubeOfCloud, CloudError> {
     let found = find_boundary(squeezed, &BoundaryParams::default())?;
+    let (disk, rows) = tube_of(&found, points)?;
+    Ok((disk, rows, found.spacing, found.noise))
+}
+
+/// The mesh over a cloud as a tube, its triangles counter-clockwise from outside, and the row of the point at each vertex.
+fn tube_of(found: &CloudBoundary, points: ArrayView2<'_, f64>) -> Result<(DiskMesh, Vec<usize>), CloudError> {
     let (mut disk, rows) = found.disk_mesh(points)?;
     disk.tube_ends()?;
     if disk.enclosed_volume() < 0.0 {
@@ -158,7 +260,7 @@ fn span_as_it_is(points: ArrayView2<'_, f64>, squeezed: ArrayView2<'_, f64>) -> 
         triangles.iter_mut().for_each(|t| t.swap(1, 2));
         disk = DiskMesh::new(TriangleMesh { vertices, triangles })?;
     }
-    Ok((disk, rows, found.spacing, found.noise))
+    Ok((disk, rows))
 }
 
 /// Maps a mesh that is a tube.
@@ -210,6 +312,7 @@ pub(super) fn of_mesh(
         holes: ends.holes.iter().map(hole).collect(),
         rims: ends.holes.iter().map(|rim| rim.vertices.clone()).collect(),
         seam: Some(seam),
+        closed: options.closed.directions(),
         refined: report.rounds > 0,
         method: name(false, choice, report.rounds > 0),
         warnings,
