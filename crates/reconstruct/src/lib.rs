@@ -38,6 +38,7 @@ mod picture;
 mod quasi;
 mod report;
 mod reweighting;
+mod tolerance;
 mod trim;
 mod watch;
 
@@ -68,6 +69,7 @@ pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, layout_report,
 };
 pub use reweighting::{LossChoice, MarkerChoice, ReweightingOptions, ReweightingReport, UpdateChoice};
+pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};
