@@ -70,7 +70,7 @@ pub(crate) enum Command {
         #[command(flatten)]
         read: ReadArgs,
         /// Distance that counts as within tolerance; % of the cloud's diagonal.
-        #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true)]
+        #[arg(long, default_value_t = Tolerance::Percent(0.1), allow_hyphen_values = true)]
         tol: Tolerance,
     },
     /// What a file holds, as JSON on standard output.
@@ -179,6 +179,9 @@ pub(crate) struct FitArgs {
     /// with their neighbours are set aside and listed in the report. [default: least squares]
     #[arg(long, value_name = "LOSS", help_heading = "What counts how much")]
     robust: Option<LossChoice>,
+    /// Largest share of the points that a robust loss sets aside; of those that --markers auto has ignored, too.
+    #[arg(long, value_name = "SHARE", default_value_t = ReweightingOptions::default().max_set_aside, allow_hyphen_values = true, help_heading = "What counts how much")]
+    max_set_aside: f64,
     /// Markers: a file with a row (from 0) and a type in each line, I for points that must be met, II for points that
     /// must be ignored; or auto, to find both by a first fit and by curvature.
     #[arg(long, value_name = "FILE|auto", help_heading = "What counts how much")]
@@ -196,7 +199,8 @@ pub(crate) struct FitArgs {
     #[arg(long, value_name = "COLUMN", help_heading = "What counts how much")]
     weights: Option<String>,
 
-    /// Tolerance, a length in the units of the input or a percentage of the bounding box diagonal.
+    /// Tolerance, a length in the units of the input or a percentage of the bounding box diagonal; or auto: 0.1 % of the diagonal, at
+    /// most 2 % of relief, radius or thickness, at least three standard deviations of the noise and the step of rounding.
     #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true, help_heading = "When it is good enough")]
     tol: Tolerance,
     /// Share of the points that must be within the tolerance; 1 for all.
@@ -268,6 +272,7 @@ impl FitArgs {
             },
             reweighting: ReweightingOptions {
                 robust: self.robust,
+                max_set_aside: self.max_set_aside,
                 markers: self.markers.clone(),
                 marker_tol: self.marker_tol,
                 ignore_tol: self.ignore_tol,

@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("l1.2", &points, Some(Loss::Power(1.2))),
     ];
     for (name, points, loss) in fits {
-        let robust = loss.map(|loss| Robust::adaptive::<2>(loss, TOLERANCE));
+        let robust = loss.map(|loss| Robust { max_set_aside: 0.3, ..Robust::adaptive::<2>(loss, TOLERANCE) });
         let rules = Reweighting { robust, ..Reweighting::default() };
         let options = Options { lambda: Lambda::Auto { tolerance: TOLERANCE }, ..Options::default() };
         let mut method = Reweighted::<2>::new(parameters.view(), points.view(), None, options, &rules)?;

@@ -23,6 +23,8 @@ pub struct Detection {
     pub standing_out: bool,
     /// Whether points with gross residuals become markers of type II: they are then left out of type I.
     pub outliers: bool,
+    /// Largest share of the points that become markers of type II ([`Robust::max_set_aside`]).
+    pub max_outliers: f64,
 }
 
 /// Markers of points `(m, N)` at parameters `(m, D)` by a first fit in a space: type I where its errors say that a feature is
@@ -39,7 +41,10 @@ pub fn detect_markers<const D: usize>(
     detection: Detection,
 ) -> Result<Markers, Error> {
     let m = points.nrows();
-    let robust = detection.outliers.then(|| Robust::adaptive::<D>(Loss::Tukey, detection.threshold));
+    let robust = detection.outliers.then(|| Robust {
+        max_set_aside: detection.max_outliers,
+        ..Robust::adaptive::<D>(Loss::Tukey, detection.threshold)
+    });
     let reweighting = Reweighting { robust, markers: None };
     let mut fit = Reweighted::new(parameters, points, confidence, options, &reweighting)?;
     fit.fit(space, ROUNDS)?;

@@ -78,6 +78,12 @@ pub enum Error {
         /// The scale.
         value: f64,
     },
+    /// The share of the points that may be set aside is none.
+    #[error("the share {value} of the points that may be set aside is not from 0 to 1")]
+    Share {
+        /// The share.
+        value: f64,
+    },
     /// A marker names no point.
     #[error("marker {index} names no point: there are {points}, counted from 0")]
     Marker {

@@ -59,7 +59,9 @@ pub use least_squares::{Fixed, LeastSquares, Options, eliminate};
 pub use metrics::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use normal::{NormalEquations, PointBox, box_sums};
 pub use plain::weighted_least_squares;
-pub use reweight::{Loss, MarkerRules, Markers, PointWeights, Reweighting, Robust, Update, median_scale};
-pub use reweighted::{Reweighted, ReweightingReport};
+pub use reweight::{
+    Loss, MAX_SET_ASIDE, MarkerRules, Markers, PointWeights, Reweighting, Robust, Update, median_scale,
+};
+pub use reweighted::{Reweighted, ReweightingReport, Weighted};
 pub use sorted::SortedPoints;
 pub use tilted::tilted;

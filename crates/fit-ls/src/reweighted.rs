@@ -27,6 +27,50 @@ const LOOKED_AT: usize = 8;
 /// Most functions of that space.
 const LOOK: usize = 2500;
 
+/// A method by least squares whose points have weights that change between its solutions.
+///
+/// [`LeastSquares`] is one. Methods that go on from a fit by least squares, as those with moving parameters do, are others: the
+/// weights that follow the errors are then found by least squares at the present parameters, which costs little, before the
+/// method solves with them, and once more by the errors that it leaves.
+pub trait Weighted<const D: usize>: Solve<D, Error: From<Error>> {
+    /// Whether a solution is more than least squares at the present parameters.
+    const GOES_ON: bool;
+
+    /// The fit by least squares at the present parameters.
+    fn least_squares(&self) -> &LeastSquares<D>;
+
+    /// The same, to fit by it.
+    fn least_squares_mut(&mut self) -> &mut LeastSquares<D>;
+
+    /// Replaces the weights, given in the order of the points. The points are sorted for the space that is solved in next.
+    /// A point of weight 0 is not there, but that its distance is asked for.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::Weight`].
+    fn set_point_weights(&mut self, weights: &[f64]) -> Result<(), Self::Error>;
+}
+
+impl<const D: usize> Weighted<D> for LeastSquares<D> {
+    const GOES_ON: bool = false;
+
+    fn least_squares(&self) -> &LeastSquares<D> {
+        self
+    }
+
+    fn least_squares_mut(&mut self) -> &mut LeastSquares<D> {
+        self
+    }
+
+    fn set_point_weights(&mut self, weights: &[f64]) -> Result<(), Error> {
+        let (given, expected) = (weights.len(), self.points().len());
+        if given != expected {
+            return Err(Error::Shape { what: "weights", given, expected });
+        }
+        let sorted = self.points().order().iter().map(|&i| weights[i as usize]).collect();
+        self.set_weights(Some(sorted))
+    }
+}
+
 /// What came of the weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReweightingReport {
@@ -38,13 +82,16 @@ pub struct ReweightingReport {
     pub scale: Option<f64>,
     /// Points that were set aside for gross residuals, increasing.
     pub gross: Vec<usize>,
+    /// Whether more points had gross residuals than may be set aside.
+    pub capped: bool,
     /// Markers of type I, and how many of them are nearer than their tolerance.
     pub met: [usize; 2],
     /// Markers of type II, and how many of them are ignored: without weight, or farther than their tolerance.
     pub ignored: [usize; 2],
 }
 
-/// Reweighted least squares on a set of points: in one space, or as a method of the adaptive loop.
+/// Reweighted least squares on a set of points: in one space, or as a method of the adaptive loop. `S` is the method whose points
+/// are weighed.
 ///
 /// In the loop, the errors that are shown and marked are those of the points that count: gross outliers and markers
 /// of type II drive no refinement.
@@ -69,8 +116,8 @@ pub struct ReweightingReport {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct Reweighted<const D: usize> {
-    solver: LeastSquares<D>,
+pub struct Reweighted<const D: usize, S = LeastSquares<D>> {
+    solver: S,
     weights: PointWeights,
     /// Errors of the last map, in the order in which the points were given.
     errors: Vec<f64>,
@@ -94,15 +141,28 @@ impl<const D: usize> Reweighted<D> {
         options: Options<D>,
         reweighting: &Reweighting,
     ) -> Result<Self, Error> {
-        let solver = LeastSquares::new(parameters, points, confidence, options)?;
-        let weights = PointWeights::new::<D>(parameters, confidence, reweighting)?;
+        Self::of(LeastSquares::new(parameters, points, confidence, options)?, confidence, reweighting)
+    }
+}
+
+impl<const D: usize, S: Weighted<D>> Reweighted<D, S> {
+    /// A method whose points get weights that follow the errors; `confidence` `(m)` multiplies them. Neighbours are those at the present
+    /// parameters.
+    ///
+    /// # Errors
+    /// Those of [`PointWeights::new`].
+    pub fn of(solver: S, confidence: Option<ArrayView1<'_, f64>>, reweighting: &Reweighting) -> Result<Self, Error> {
+        let points = solver.least_squares().points();
+        let mut weights = PointWeights::new::<D>(points.parameters_as_given().view(), confidence, reweighting)?;
+        let largest = |k: usize| points.coordinates(k).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        weights.set_largest_coordinate((0..points.dim()).map(largest).fold(0.0, f64::max));
         let estimate = (Vec::new(), Vec::new(), Vec::new());
         Ok(Self { solver, weights, errors: Vec::new(), rounds: 0, settled: true, judged: None, estimate })
     }
 
     /// Algorithm 1: fits in one space, over and over, until the robust weights have settled and all markers are satisfied,
     /// or `rounds` systems are solved; at least one is. A marker that cannot be satisfied is no error: see
-    /// [`Reweighted::report`].
+    /// [`Reweighted::report`]. Parameters stay where they are.
     ///
     /// # Errors
     /// Those of [`LeastSquares::fit`].
@@ -125,14 +185,25 @@ impl<const D: usize> Reweighted<D> {
     /// # Errors
     /// [`Error::Parameter`].
     pub fn measure(&mut self, map: &SplineMap<D>) -> Result<(), Error> {
-        let distances = self.solver.distances(map)?.to_vec();
-        self.errors = self.solver.points().as_given(&distances);
+        let solver = self.solver.least_squares_mut();
+        let distances = solver.distances(map)?.to_vec();
+        self.errors = solver.points().as_given(&distances);
         Ok(())
+    }
+
+    /// The method under the weights.
+    pub fn method(&self) -> &S {
+        &self.solver
+    }
+
+    /// The same, without its weights' rules.
+    pub fn into_method(self) -> S {
+        self.solver
     }
 
     /// The fit under the weights.
     pub fn least_squares(&self) -> &LeastSquares<D> {
-        &self.solver
+        self.solver.least_squares()
     }
 
     /// The weights.
@@ -158,27 +229,34 @@ impl<const D: usize> Reweighted<D> {
             settled: self.settled,
             scale: self.weights.scale(),
             gross: (0..gross.len()).filter(|&i| gross[i]).collect(),
+            capped: self.weights.is_capped(),
             met: [markers.met.len(), markers.met.len() - met],
             ignored: [markers.ignored.len(), markers.ignored.len() - ignored],
         })
     }
 
-    /// Solves once and weighs the points by the loss; whether their weights had settled.
+    /// Solves once by least squares and weighs the points by the loss; whether their weights had settled.
     fn round(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<(Solution<D>, bool), Error> {
         self.hand_over(space, &self.weights.weights())?;
-        let solution = self.solver.solve(space, None)?;
-        let residuals = residuals(self.solver.points(), &solution.map);
-        self.errors = lengths(&residuals, self.solver.points().len());
-        self.rounds += 1;
-        let settled = self.weights.update_robust(&residuals)?;
+        let solution = self.solver.least_squares_mut().solve(space, None)?;
+        let settled = self.weigh(&solution.map)?;
         Ok((solution, settled))
     }
 
-    /// Gives weights, in the order of the points, to the solver.
+    /// Weighs the points by the loss, given the map of a solution; whether their weights had settled.
+    fn weigh(&mut self, map: &SplineMap<D>) -> Result<bool, Error> {
+        let points = self.solver.least_squares().points();
+        let residuals = residuals(points, map);
+        self.errors = lengths(&residuals, points.len());
+        self.rounds += 1;
+        self.weights.update_robust(&residuals)
+    }
+
+    /// Gives weights, in the order of the points, to the fit by least squares.
     fn hand_over(&mut self, space: &Arc<HierarchicalSpace<D>>, weights: &[f64]) -> Result<(), Error> {
-        self.solver.sort_for(space)?;
-        let sorted = self.solver.points().order().iter().map(|&i| weights[i as usize]).collect();
-        self.solver.set_weights(Some(sorted))
+        let solver = self.solver.least_squares_mut();
+        solver.sort_for(space)?;
+        solver.set_point_weights(weights)
     }
 
     /// Before a fit in a new space: a first look at the outliers, and an automatic smoothing weight by the points that
@@ -189,14 +267,16 @@ impl<const D: usize> Reweighted<D> {
             self.look(space, rule)?;
         }
         let counted = self.weights.counted();
-        if self.solver.chooses_lambda() || (self.solver.is_automatic() && self.judged.as_ref() != Some(&counted)) {
+        let solver = self.solver.least_squares();
+        if solver.chooses_lambda() || (solver.is_automatic() && self.judged.as_ref() != Some(&counted)) {
             let weights = self.weights.weights();
             let judged: Vec<f64> =
                 weights.iter().zip(&counted).map(|(&w, &counts)| if counts { w } else { 0.0 }).collect();
             self.hand_over(space, &judged)?;
-            self.solver.hold_lambda(None);
-            let chosen = self.solver.choose_lambda_anew(space)?;
-            self.solver.hold_lambda(Some(chosen));
+            let solver = self.solver.least_squares_mut();
+            solver.hold_lambda(None);
+            let chosen = solver.choose_lambda_anew(space)?;
+            solver.hold_lambda(Some(chosen));
         }
         self.judged = Some(counted);
         Ok(())
@@ -205,10 +285,10 @@ impl<const D: usize> Reweighted<D> {
     /// A first fit in a fine uniform space, by Tukey's loss, whatever follows: it starts far from the minimum, and a loss
     /// whose pull never ends keeps what it begins with.
     fn look(&mut self, space: &Arc<HierarchicalSpace<D>>, rule: Robust) -> Result<(), Error> {
-        let points = self.solver.points();
-        let provisional = PROVISIONAL * points.total_weight();
-        let fine = Arc::new(uniform_space(space, (points.len() / LOOKED_AT).min(LOOK))?);
-        self.solver.hold_lambda(Some(provisional));
+        let solver = self.solver.least_squares_mut();
+        let provisional = PROVISIONAL * solver.points().total_weight();
+        let fine = Arc::new(uniform_space(space, (solver.points().len() / LOOKED_AT).min(LOOK))?);
+        solver.hold_lambda(Some(provisional));
         self.weights.set_rule(Robust { loss: Loss::Tukey, ..rule });
         for _ in 0..ROUNDS {
             match self.round(&fine) {
@@ -219,39 +299,50 @@ impl<const D: usize> Reweighted<D> {
             }
         }
         self.weights.set_rule(rule);
-        self.solver.hold_lambda(None);
+        self.solver.least_squares_mut().hold_lambda(None);
         Ok(())
     }
 }
 
-impl<const D: usize> Solve<D> for Reweighted<D> {
-    type Error = Error;
+impl<const D: usize, S: Weighted<D>> Solve<D> for Reweighted<D, S> {
+    type Error = S::Error;
 
-    /// A few rounds of the robust loss, then one update of the markers (Algorithm 2).
+    /// A few rounds of the robust loss, the solution of a method that goes on from there, then one update of the markers
+    /// (Algorithm 2).
     fn solve(
         &mut self,
         space: &Arc<HierarchicalSpace<D>>,
-        _previous: Option<&SplineMap<D>>,
-    ) -> Result<Solution<D>, Error> {
+        previous: Option<&SplineMap<D>>,
+    ) -> Result<Solution<D>, S::Error> {
         self.prepare(space)?;
         let (mut assemble_seconds, mut solve_seconds) = (0.0, 0.0);
-        let mut round = 0;
-        loop {
-            round += 1;
-            let (solution, settled) = self.round(space)?;
+        let mut add = |solution: &Solution<D>| {
             assemble_seconds += solution.assemble_seconds;
             solve_seconds += solution.solve_seconds;
+        };
+        let mut round = 0;
+        let (mut solution, mut settled) = loop {
+            round += 1;
+            let (solution, settled) = self.round(space)?;
+            add(&solution);
             if settled || round >= ROUNDS {
-                self.settled = self.weights.update_markers(&self.errors)? && settled;
-                return Ok(Solution { map: solution.map, assemble_seconds, solve_seconds });
+                break (solution, settled);
             }
+        };
+        if S::GOES_ON {
+            self.solver.set_point_weights(&self.weights.weights())?;
+            solution = self.solver.solve(space, previous)?;
+            add(&solution);
+            settled = self.weigh(&solution.map)?;
         }
+        self.settled = self.weights.update_markers(&self.errors)? && settled;
+        Ok(Solution { map: solution.map, assemble_seconds, solve_seconds })
     }
 
     /// Errors of the points that count.
-    fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, Error> {
+    fn estimate(&mut self, map: &SplineMap<D>) -> Result<Estimate<'_>, S::Error> {
         self.measure(map)?;
-        let points = self.solver.points();
+        let points = self.solver.least_squares().points();
         let counted = self.weights.counted();
         let in_cells = points.children(map.space().as_ref());
         let (offsets, errors, children) = &mut self.estimate;

@@ -1,5 +1,6 @@
 //! Foot points and coefficients in turn: A-PDM, A-TDM, A-HDM (Imperatore 2024, §5.1.2).
 
+use fit_ls::SortedPoints;
 use thb_core::SplineMap;
 
 use crate::frame::{Frame, Share, columns, frames};
@@ -48,7 +49,7 @@ impl<const D: usize> MovingFit<D> {
         let mut system = self.take_system(&space)?;
         let points = self.fit.points();
         let frames = frames(map, points)?;
-        let gamma = gammas(&frames, points.order(), blend);
+        let gamma = gammas(&frames, points, blend);
         let coefficients = map.coefficients().to_owned();
         let held: Vec<usize> =
             (0..points.len()).filter(|&at| constraints.is_held(points.order()[at] as usize)).collect();
@@ -84,18 +85,20 @@ impl<const D: usize> MovingFit<D> {
     }
 }
 
-/// The weights γ of the point distance, in the order of the sorted points.
-fn gammas<const D: usize>(frames: &[Frame<D>], order: &[u32], blend: Option<&Blend>) -> Vec<f64> {
+/// The weights γ of the point distance, in the order of the sorted points. Points of weight 0 are left out of the largest distance.
+fn gammas<const D: usize>(frames: &[Frame<D>], points: &SortedPoints<D>, blend: Option<&Blend>) -> Vec<f64> {
     let distances = || frames.iter().map(|f| dot(&f.residual, &f.residual).sqrt());
+    let counts = |at: usize| points.weights().is_none_or(|weights| weights[at] > 0.0);
     match blend {
         None => vec![0.0; frames.len()],
         Some(Blend::Constant(gamma)) => vec![*gamma; frames.len()],
         Some(Blend::ErrorDriven) => {
-            let largest = distances().fold(f64::MIN_POSITIVE, f64::max);
-            distances().map(|d| d / (2.0 * largest)).collect()
+            let counted = distances().enumerate().filter(|&(at, _)| counts(at));
+            let largest = counted.map(|(_, d)| d).fold(f64::MIN_POSITIVE, f64::max);
+            distances().map(|d| (d / (2.0 * largest)).min(0.5)).collect()
         }
         Some(Blend::CurvatureDriven(curvatures)) => distances()
-            .zip(order)
+            .zip(points.order())
             // d / (d + 1/κ), written so that flat points have γ = 0.
             .map(|(d, &index)| d * curvatures[index as usize].abs() / (d * curvatures[index as usize].abs() + 1.0))
             .collect(),

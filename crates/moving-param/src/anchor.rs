@@ -54,12 +54,25 @@ impl<const D: usize> Anchor<D> {
         triangles: &[[u32; 3]],
         options: &JointOptions,
     ) -> Self {
-        let count = frames.len().max(1) as f64;
-        let mean = |d: usize| frames.iter().map(|f| dot(&f.tangents[d], &f.tangents[d])).sum::<f64>() / count;
+        let counts = |at: usize| points.weights().is_none_or(|weights| weights[at] > 0.0);
+        let counted: Vec<&Frame<D>> = frames.iter().enumerate().filter(|&(at, _)| counts(at)).map(|(_, f)| f).collect();
+        let count = counted.len().max(1) as f64;
+        let mean = |d: usize| counted.iter().map(|f| dot(&f.tangents[d], &f.tangents[d])).sum::<f64>() / count;
         let to_start = std::array::from_fn(|d| options.stiffness * mean(d));
         let springs = start.iter().map(|&at| Spring { at, stiffness: to_start }).collect();
-        let along = if options.cohesion > 0.0 { triangles } else { &[] };
-        Self { space, start, to_start, cohesion: options.cohesion, rings: Rings::new(along, points), springs }
+        let rings = Rings::new(&[], points);
+        let mut anchor = Self { space, start, to_start, cohesion: options.cohesion, rings, springs };
+        anchor.join(triangles, points);
+        anchor
+    }
+
+    /// Joins neighbours along the sides of triangles anew, where weights have become zero or positive.
+    pub(crate) fn join(&mut self, triangles: &[[u32; 3]], points: &SortedPoints<D>) {
+        let Self { start, to_start, springs, .. } = self;
+        for (spring, &at) in springs.iter_mut().zip(&*start) {
+            *spring = Spring { at, stiffness: *to_start };
+        }
+        self.rings = Rings::new(if self.cohesion > 0.0 { triangles } else { &[] }, points);
     }
 
     /// Hangs the springs to the neighbours where these are now; `frames` are of the points in their order.

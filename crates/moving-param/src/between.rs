@@ -70,7 +70,7 @@ const CORNER: f64 = 0.5;
 
 impl Between {
     /// Samples of those triangles, by indices of points, and of the edges of their rim, that lie in cells with few points or stand for
-    /// many; `None` if there are none.
+    /// many; `None` if there are none. Triangles and edges with a corner of weight 0 are not there.
     pub(crate) fn new<const D: usize>(
         triangles: &[[u32; 3]],
         rim: &[RimEdge],
@@ -81,10 +81,13 @@ impl Between {
         let at_of = points.places();
         let stands_for = |corners| stands_for(space, points, &at_of, corners);
         let (mut faces, mut edges) = (Vec::new(), Vec::new());
+        let counts = |i: &u32| points.weights().is_none_or(|weights| weights[at_of[*i as usize]] > 0.0);
+        let counted: Vec<[u32; 3]> = triangles.iter().filter(|corners| corners.iter().all(counts)).copied().collect();
+        let triangles = &counted;
         for &corners in triangles {
             faces.extend(stands_for(Corners::Triangle(corners))?.map(|count| (corners, count)));
         }
-        for edge in rim {
+        for edge in rim.iter().filter(|edge| edge.ends.iter().all(counts)) {
             edges.extend(stands_for(Corners::Edge(edge.ends))?.map(|count| (edge, count)));
         }
         if faces.is_empty() && edges.is_empty() {
@@ -110,7 +113,8 @@ impl Between {
             let across = RIM * weight * count.max(1.0);
             let axis = unit(difference(&b, &a));
             let simplex = Simplex { corners: Corners::Edge(edge.ends), axis, along: ALONG * across, across };
-            add(simplex, curved_middle(edge.before.map(point), [a, b], edge.after.map(point)));
+            let beside = |i: Option<u32>| i.filter(counts).map(point);
+            add(simplex, curved_middle(beside(edge.before), [a, b], beside(edge.after)));
         }
         Ok(Some(Self { simplices, centres }))
     }

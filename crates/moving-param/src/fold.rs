@@ -38,10 +38,14 @@ impl Triangles {
         self.sign = self.corners.iter().map(|c| sign(self.area(c, &parameter))).collect();
     }
 
-    /// Triangles whose orientation differs from the one at the start, given parameters by index.
-    pub(crate) fn flipped(&self, parameter: impl Fn(usize) -> [f64; 2]) -> Vec<usize> {
-        let turned =
-            |t: &usize| self.sign[*t] != 0.0 && self.area(&self.corners[*t], &parameter) * self.sign[*t] <= 0.0;
+    /// Triangles of points that count whose orientation differs from the one at the start, given parameters by index.
+    pub(crate) fn flipped(&self, parameter: impl Fn(usize) -> [f64; 2], counts: impl Fn(usize) -> bool) -> Vec<usize> {
+        let turned = |t: &usize| {
+            let corners = &self.corners[*t];
+            self.sign[*t] != 0.0
+                && corners.iter().all(|&i| counts(i as usize))
+                && self.area(corners, &parameter) * self.sign[*t] <= 0.0
+        };
         (0..self.corners.len()).filter(turned).collect()
     }
 
@@ -54,16 +58,17 @@ impl Triangles {
     }
 
     /// Halves the moves of the corners of flipped triangles until no further triangle flips; what is flipped before stays.
-    /// Parameters are those of the sorted points, `moved` the ones they should get. Returns for each point whether its
-    /// move was shortened; what was may then lie a period away.
+    /// Parameters are those of the sorted points, `moved` the ones they should get; triangles with a corner of weight 0 may flip. Returns
+    /// for each point whether its move was shortened; what was may then lie a period away.
     pub(crate) fn hold<const D: usize>(&self, points: &SortedPoints<D>, moved: &mut [[f64; D]]) -> Vec<bool> {
         let at_of = points.places();
         let pair = |u: [f64; D]| [u[0], u[D - 1]];
-        let before = self.flipped(|i| pair(points.parameter(at_of[i])));
+        let counts = |i: usize| points.weights().is_none_or(|weights| weights[at_of[i]] > 0.0);
+        let before = self.flipped(|i| pair(points.parameter(at_of[i])), counts);
         let target = moved.to_vec();
         let mut halvings = vec![0_u8; points.len()];
         loop {
-            let flipped = self.flipped(|i| pair(moved[at_of[i]]));
+            let flipped = self.flipped(|i| pair(moved[at_of[i]]), counts);
             let mut changed = false;
             let mut hit = vec![false; points.len()];
             for triangle in flipped {

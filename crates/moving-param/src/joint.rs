@@ -84,7 +84,8 @@ impl<const D: usize> MovingFit<D> {
         for _ in 0..options.emphasis {
             let tolerance = self.options.tolerance;
             let outside = self.measure(&map)?.outside;
-            if outside == 0 || outside as f64 > FEW * weights.len() as f64 {
+            let counted = weights.iter().filter(|w| **w > 0.0).count();
+            if outside == 0 || outside as f64 > FEW * counted as f64 {
                 break;
             }
             self.free_strays(&map, moves)?;
@@ -112,15 +113,20 @@ impl<const D: usize> MovingFit<D> {
         let tolerance = self.options.tolerance;
         let distances = self.fit.distances(map)?;
         let strays: Vec<usize> = (0..distances.len()).filter(|&at| distances[at] > tolerance).collect();
+        self.seek(map, &strays, moves)
+    }
+
+    /// Moves the points at some places to their foot points, sought from there and among samples of the map.
+    pub(crate) fn seek(&mut self, map: &SplineMap<D>, places: &[usize], moves: &mut Moves) -> Result<(), Error> {
         let options = FootPointOptions { start: Start::Both(STRAY_SAMPLES), ..self.options.foot_points };
         let points = self.fit.points();
-        let found = seek_anew(map, points, &strays, &self.constraints(), &options)?;
+        let found = seek_anew(map, points, places, &self.constraints(), &options)?;
         let mut parameters: Vec<[f64; D]> = (0..points.len()).map(|at| points.parameter(at)).collect();
         let mut cells: Vec<u32> = Vec::with_capacity(points.len());
         for (cell, ends) in points.offsets().windows(2).enumerate() {
             cells.resize(ends[1], cell as u32);
         }
-        for (&at, (u, cell)) in strays.iter().zip(found) {
+        for (&at, (u, cell)) in places.iter().zip(found) {
             (parameters[at], cells[at]) = (u, cell);
         }
         self.hold(map, &mut parameters, &mut cells, moves)?;
@@ -152,10 +158,11 @@ impl<const D: usize> MovingFit<D> {
                 }
             }
             let distances: Vec<f64> = frames.iter().map(|f| dot(&f.residual, &f.residual).sqrt()).collect();
-            if distances.iter().all(|d| *d <= self.options.tolerance) {
+            let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
+            let is_met = |(distance, weight): (&f64, &f64)| *distance <= self.options.tolerance || *weight == 0.0;
+            if distances.iter().zip(&weights).all(is_met) {
                 break;
             }
-            let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
             // As long as distances are beyond the tolerance folds cost as much as they do: for less a step would fold first,
             // and then not be taken.
             let of_points = squares(&distances, &weights);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use adaptive::{Deviation, Estimate, Solution, Solve};
-use fit_ls::{LeastSquares, SortedPoints};
+use fit_ls::{LeastSquares, SortedPoints, Weighted};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
@@ -31,7 +31,7 @@ pub struct Moves {
     pub mean_move: f64,
     /// Largest length of a move.
     pub max_move: f64,
-    /// Triangles whose orientation differs from the one at the start; 0 without triangles.
+    /// Triangles of points with positive weight whose orientation differs from the one at the start; 0 without triangles.
     pub folds: usize,
     /// Moves that were shortened because a triangle would have flipped; with quasi-interpolation points whose moves were undone
     /// because they got farther away.
@@ -184,9 +184,14 @@ impl<const D: usize> MovingFit<D> {
         Ok(self.fit.relocate(&placed, &cells)?)
     }
 
-    /// Root mean squared and largest distance, and the points outside the tolerance.
+    /// Root mean squared and largest distance, and the points outside the tolerance, among those of positive weight.
     pub(crate) fn measure(&mut self, map: &SplineMap<D>) -> Result<Measure, Error> {
-        Ok(Measure::of(self.fit.distances(map)?, self.options.tolerance))
+        let mut distances = self.fit.distances(map)?.to_vec();
+        if let Some(weights) = self.fit.points().weights() {
+            let mut weights = weights.iter();
+            distances.retain(|_| weights.next().is_some_and(|w| *w > 0.0));
+        }
+        Ok(Measure::of(&distances, self.options.tolerance))
     }
 
     /// The guard against corrections that come too early: of the corrected map, the one before correction, and the one at
@@ -315,6 +320,33 @@ impl Moves {
     }
 }
 
+/// Points of weight 0 hold neither the surface nor the parameters of others, in no way; their own parameters follow the surface, so that
+/// their distances say how far they are.
+impl<const D: usize> Weighted<D> for MovingFit<D> {
+    const GOES_ON: bool = true;
+
+    fn least_squares(&self) -> &LeastSquares<D> {
+        &self.fit
+    }
+
+    fn least_squares_mut(&mut self) -> &mut LeastSquares<D> {
+        &mut self.fit
+    }
+
+    fn set_point_weights(&mut self, weights: &[f64]) -> Result<(), Error> {
+        self.fit.set_point_weights(weights)?;
+        let counted = |weights: &[f64]| weights.iter().map(|w| *w > 0.0).collect::<Vec<bool>>();
+        let known = self.weights.as_deref().map_or_else(|| vec![true; weights.len()], counted);
+        if known != counted(weights)
+            && let Some(anchor) = &mut self.anchor
+        {
+            anchor.join(&self.centres, self.fit.points());
+        }
+        self.weights = Some(weights.to_vec());
+        Ok(())
+    }
+}
+
 impl<const D: usize> Solve<D> for MovingFit<D> {
     type Error = Error;
 
@@ -334,12 +366,20 @@ impl<const D: usize> Solve<D> for MovingFit<D> {
             if self.options.guard {
                 map = self.guarded(map, (fixed, before, &entry), &mut moves)?;
             }
+            let left_out =
+                |weights: &[f64]| (0..weights.len()).filter(|&at| weights[at] == 0.0).collect::<Vec<usize>>();
+            let left_out = self.fit.points().weights().map(left_out).unwrap_or_default();
+            if !left_out.is_empty() {
+                self.seek(&map, &left_out, &mut moves)?;
+            }
             moves.reach(self.measure(&map)?);
         }
         let moved = self.parameters();
         moves.travel(space, &entry, &moved);
         if let Some(triangles) = &self.triangles {
-            moves.folds = triangles.flipped(|i| [moved[[i, 0]], moved[[i, D - 1]]]).len();
+            let weights = self.weights.as_deref();
+            let counts = |i: usize| weights.is_none_or(|weights| weights[i] > 0.0);
+            moves.folds = triangles.flipped(|i| [moved[[i, 0]], moved[[i, D - 1]]], counts).len();
         }
         tracing::debug!(?moves, "parameters moved");
         self.reports.push(moves);

@@ -25,7 +25,7 @@ pub(crate) struct Rings {
 }
 
 impl Rings {
-    /// The rings of triangles, by indices of points.
+    /// The rings of triangles, by indices of points. Points of weight 0 are nobody's neighbours.
     pub(crate) fn new<const D: usize>(triangles: &[[u32; 3]], points: &SortedPoints<D>) -> Self {
         let places = points.places();
         let point = |i: u32| point(points, places[i as usize]);
@@ -33,7 +33,8 @@ impl Rings {
             triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]]).collect();
         edges.par_sort_unstable();
         edges.dedup();
-        edges.retain(|&[a, b]| point(a) != point(b));
+        let counts = |i: u32| points.weights().is_none_or(|weights| weights[places[i as usize]] > 0.0);
+        edges.retain(|&[a, b]| counts(b) && point(a) != point(b));
         let offsets: Vec<usize> =
             (0..=points.len()).map(|i| edges.partition_point(|edge| (edge[0] as usize) < i)).collect();
         let rings = offsets.par_windows(2).with_min_len(CHUNK).map(|ends| {

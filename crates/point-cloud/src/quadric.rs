@@ -97,6 +97,12 @@ impl Quadric {
         Some(Self { coefficients: std::array::from_fn(|k| scaled[k] / power[k]), leverage })
     }
 
+    /// Value over a place.
+    pub(crate) fn at(&self, x: f64, y: f64) -> f64 {
+        let [c, p, q, d, e, f] = self.coefficients;
+        c + x * (p + d * x + e * y) + y * (q + f * y)
+    }
+
     /// Value at the origin.
     pub(crate) fn height(&self) -> f64 {
         self.coefficients[0]

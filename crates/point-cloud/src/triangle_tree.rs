@@ -74,6 +74,52 @@ impl TriangleTree {
         }
         best
     }
+
+    /// The smallest distance along a ray, positive multiples of `direction` from `origin` in its units, at which it meets a triangle for
+    /// which `counts` of the triangle's index and the distance holds.
+    pub fn first_hit(
+        &self,
+        origin: [f64; 3],
+        direction: [f64; 3],
+        mut counts: impl FnMut(u32, f64) -> bool,
+    ) -> Option<f64> {
+        let inverse = direction.map(f64::recip);
+        let mut best = f64::INFINITY;
+        let mut stack = vec![0_u32];
+        while let Some(at) = stack.pop() {
+            let node = &self.nodes[at as usize];
+            if node.entry(origin, inverse) >= best {
+                continue;
+            }
+            if node.second != 0 {
+                stack.extend([at + 1, node.second]);
+                continue;
+            }
+            for k in node.begin as usize..node.end as usize {
+                if let Some(t) = hit(origin, direction, &self.corners[k])
+                    && t < best
+                    && counts(self.triangles[k], t)
+                {
+                    best = t;
+                }
+            }
+        }
+        best.is_finite().then_some(best)
+    }
+}
+
+/// Where a ray meets a triangle, if it does (Möller and Trumbore 1997).
+fn hit(origin: [f64; 3], direction: [f64; 3], &[p, q, r]: &[[f64; 3]; 3]) -> Option<f64> {
+    let (e, f) = (sub(q, p), sub(r, p));
+    let across = cross(direction, f);
+    let determinant = dot(e, across);
+    let from = sub(origin, p);
+    let u = dot(from, across) / determinant;
+    let turned = cross(from, e);
+    let v = dot(direction, turned) / determinant;
+    let t = dot(f, turned) / determinant;
+    // A ray in the plane of the triangle has no determinant, and meets it nowhere.
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t.is_finite()).then_some(t)
 }
 
 impl TriangleTree {
@@ -98,6 +144,17 @@ impl TriangleTree {
 }
 
 impl Node {
+    /// Distance at which a ray enters the box; infinite if it does not.
+    fn entry(&self, origin: [f64; 3], inverse: [f64; 3]) -> f64 {
+        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
+        for k in 0..3 {
+            let (a, b) = ((self.lower[k] - origin[k]) * inverse[k], (self.upper[k] - origin[k]) * inverse[k]);
+            // A ray parallel to a side that begins on it gives NaN, which minimum and maximum pass over.
+            (enter, leave) = (enter.max(a.min(b)), leave.min(a.max(b)));
+        }
+        if enter <= leave { enter } else { f64::INFINITY }
+    }
+
     fn squared_distance(&self, p: [f64; 3]) -> f64 {
         (0..3).map(|k| (self.lower[k] - p[k]).max(p[k] - self.upper[k]).max(0.0).powi(2)).sum()
     }

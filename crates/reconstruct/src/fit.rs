@@ -16,8 +16,9 @@ use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
 use crate::reweighting::robust_diagonal;
+use crate::tolerance::hint;
 use crate::trim::trims;
-use crate::{Error, Event, FitOptions, Watch};
+use crate::{Error, Event, FitOptions, ScanMeasures, Tolerance, Watch};
 
 /// Samples per direction and cell for the distance from surface to points.
 pub(crate) const SAMPLES: usize = 4;
@@ -112,7 +113,17 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         Some(_) => robust_diagonal(points.view(), laid_out.parameters.view())?,
         None => laid_out.diagonal,
     };
-    let tolerance = options.tol.resolve(diagonal);
+    let measured = match options.tol {
+        Tolerance::Auto => {
+            let (uv, triangles) = (laid_out.parameters.view(), &laid_out.triangles);
+            Some(ScanMeasures::of(points.view(), uv, triangles, laid_out.closed, diagonal)?.tolerance())
+        }
+        _ => None,
+    };
+    let tolerance = measured.map_or(options.tol.resolve(diagonal), |found| found.value);
+    if measured.is_none() {
+        warnings.extend(hint(points.view(), tolerance)?);
+    }
     tracing::info!(
         points = points.nrows(),
         method = laid_out.report.method,
@@ -192,7 +203,8 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             100.0 * creases
         ));
     }
-    warnings.extend(reweighting.iter().flat_map(|found| found.warnings(points.nrows())));
+    warnings
+        .extend(reweighting.iter().flat_map(|found| found.warnings(points.nrows(), options.reweighting.max_set_aside)));
     let mut holes = Vec::new();
     if options.trim_holes {
         let found = trims(&laid_out, &map, parameters.view(), tolerance)?;
@@ -228,6 +240,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             rmse: deviation.rmse(),
             within: deviation.within,
             tolerance,
+            default_tolerance: measured,
             lambda,
             dhd,
             hsd,

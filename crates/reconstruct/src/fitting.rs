@@ -8,7 +8,7 @@ use fit_ls::{LeastSquares, creases, directed_hausdorff, map_to_points, tilted};
 use moving_param::{Blend, Distance, JointOptions, Moves, MovingFit, Schedule};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use param_classic::triangulate_parameters;
-use point_cloud::LocalFrames;
+use point_cloud::{BoundingBox, LocalFrames};
 use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
 
 use crate::densify::{area_weights, densify, spacing_weights};
@@ -83,6 +83,11 @@ const LEFT_OUT: f64 = 0.2;
 /// missed the tolerance: with as many as points it follows any noise.
 const MOST: f64 = 0.9;
 
+/// Distance of the middle of the box from the origin, in diagonals, up to which points are fitted as they are. Limit: coefficients that
+/// few points determine carry the round-off of the coordinates times the condition of the equations, some 10⁹; that is to stay
+/// below 10⁻⁴ of the diagonal.
+const MAX_OFFSET_PER_DIAGONAL: f64 = 1e3;
+
 /// Samples per direction and cell among which creases are sought.
 const CREASE_SAMPLES: usize = 8;
 
@@ -136,6 +141,11 @@ impl Attempt {
         (is_smooth, self.within().min(asked))
     }
 
+    /// Markers of type I that are not met.
+    fn missed_markers(&self) -> usize {
+        self.fitted.reweighting.as_ref().map_or(0, |found| found.markers - found.markers_met)
+    }
+
     fn dofs(&self) -> usize {
         self.fitted.map.space().n_functions()
     }
@@ -160,8 +170,28 @@ pub(crate) struct Problem<'a> {
     pub(crate) diagonal: f64,
 }
 
-/// Fits adaptively from a space the points that count.
+/// Fits adaptively, from a space, the points of positive weight. Points far from the origin are moved to it meanwhile.
 pub(crate) fn fit(
+    problem: &Problem<'_>,
+    space: &Arc<HierarchicalSpace<2>>,
+    options: &FitOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Attempt, Error> {
+    let BoundingBox { lower, upper } = BoundingBox::of(problem.points)?;
+    let middle: Array1<f64> = lower.iter().zip(&upper).map(|(low, high)| 0.5 * (low + high)).collect();
+    if middle.iter().all(|x| x.abs() <= MAX_OFFSET_PER_DIAGONAL * problem.diagonal) {
+        return fit_counted(problem, space, options, watch);
+    }
+    let points = &problem.points - &middle;
+    let mut found = fit_counted(&Problem { points: points.view(), ..*problem }, space, options, watch)?;
+    // The functions sum to 1: what is added to all coefficients moves the surface.
+    let coefficients = &found.fitted.map.coefficients() + &middle;
+    found.fitted.map = SplineMap::new(found.fitted.map.space().clone(), coefficients)?;
+    Ok(found)
+}
+
+/// The points of positive weight; all of them where weights follow the errors.
+fn fit_counted(
     problem: &Problem<'_>,
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
@@ -265,7 +295,7 @@ fn fit_all(
     // What swings out, folds or passes through itself is no result to be better than.
     let reached = fixed.fitted.stop == Stop::ToleranceReached && fixed.judgement.is_sound();
     let coarsest = fixed.dofs() == space.n_functions() && reached;
-    if coarsest || fixed.fitted.stop == Stop::Interrupted || options.reweighting.is_asked_for() {
+    if coarsest || fixed.fitted.stop == Stop::Interrupted {
         return Ok(fixed);
     }
     let enough = match reached {
@@ -280,7 +310,11 @@ fn fit_all(
     let tries = [(&moving, "fitting with moving parameters"), (&softer, "fitting with less smoothing")];
     let creased = if reached { fixed.creases + CREASED_MORE } else { CREASED };
     let far = (FAR * problem.diagonal).max(if reached { FURTHER * fixed.hsd } else { 0.0 });
-    let rank = |attempt: &Attempt| attempt.rank(far, creased, options.within);
+    let missed = fixed.missed_markers();
+    let rank = |attempt: &Attempt| {
+        let (is_near, within) = attempt.rank(far, creased, options.within);
+        (is_near && attempt.missed_markers() <= missed, within)
+    };
     // What is as close as asked of moving parameters; it needs fewer control points than what was found before.
     let is_close = |attempt: &Attempt| rank(attempt).0 && attempt.fitted.stop == Stop::ToleranceReached;
     let mut best = fixed;
@@ -357,10 +391,11 @@ fn attempt(
     let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
     let fitted = match (method, moving_method(method, joint, problem, options)?) {
         (Method::Qi | Method::AQi, _) => quasi::fit(method, problem, space, options, &rules, &mut observer)?,
-        (_, Some(moving)) => moving_parameters(moving, problem, loop_judge, space, options, &rules, &mut observer)?,
-        (_, None) if options.reweighting.is_asked_for() => {
-            reweighting::fit(problem, space, options, &rules, &mut observer)?
+        (_, moving) if options.reweighting.is_asked_for() => {
+            let moving = moving.map(|moving| moving_fit(moving, problem, options)).transpose()?;
+            reweighting::fit(moving, problem, space, options, &rules, &mut observer)?
         }
+        (_, Some(moving)) => moving_parameters(moving, problem, loop_judge, space, options, &rules, &mut observer)?,
         (_, None) => fixed_parameters(problem, loop_judge, space, options, &rules, &mut observer)?,
     };
     let _ = watch(Event::Step("measuring the surface"));
@@ -493,15 +528,12 @@ fn fixed_parameters(
     })
 }
 
-fn moving_parameters(
+/// A fit whose parameters move, before it begins.
+fn moving_fit(
     method: moving_param::Method,
     problem: &Problem<'_>,
-    judge: Option<&Judge<'_>>,
-    space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
-    rules: &adaptive::Options<2>,
-    observer: &mut dyn Observer,
-) -> Result<Fitted, Error> {
+) -> Result<MovingFit<2>, Error> {
     // The weight is chosen at the first parameters, as for a fit that keeps them.
     let fitting = least_squares_options(problem, options);
     let settings = moving_param::Options {
@@ -517,7 +549,19 @@ fn moving_parameters(
         // No triangles of the scan, whose folding would mean something; but they hold the surface.
         solver = solver.with_centres(&triangles);
     }
-    let mut judged = Judged::new(solver, judge, rules.within);
+    Ok(solver)
+}
+
+fn moving_parameters(
+    method: moving_param::Method,
+    problem: &Problem<'_>,
+    judge: Option<&Judge<'_>>,
+    space: &Arc<HierarchicalSpace<2>>,
+    options: &FitOptions,
+    rules: &adaptive::Options<2>,
+    observer: &mut dyn Observer,
+) -> Result<Fitted, Error> {
+    let mut judged = Judged::new(moving_fit(method, problem, options)?, judge, rules.within);
     let Outcome { map, stop, failure, history, .. } = run(&mut judged, space.clone(), rules, observer)?;
     let solver = judged.method;
     let parameters = solver.parameters();

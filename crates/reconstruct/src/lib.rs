@@ -40,6 +40,7 @@ mod picture;
 mod quasi;
 mod report;
 mod reweighting;
+mod tolerance;
 mod trim;
 mod watch;
 
@@ -47,8 +48,7 @@ pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_paramet
 pub use clean::CleaningReport;
 pub use curve::{
     ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveLimits, CurveOptions, CurveParameters,
-    CurveReport, CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file,
-    fit_sequence, write_curve,
+    CurveReport, CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file, fit_sequence, write_curve,
 };
 pub use deviation::{Deviation, Reason, Thresholds, Verdict};
 pub use error::Error;
@@ -65,8 +65,8 @@ pub use parameter_options::{
     SideRule,
 };
 pub use parameters::{
-    HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport, parameterize,
-    parameterize_file,
+    HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
+    parameterize, parameterize_file,
 };
 pub use picture::draw_parameters;
 pub use quasi::{LocalRule, QuasiOptions, QuasiReport};
@@ -74,6 +74,7 @@ pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, layout_report,
 };
 pub use reweighting::{LossChoice, MarkerChoice, ReweightingOptions, ReweightingReport, UpdateChoice};
+pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};

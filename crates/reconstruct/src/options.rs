@@ -88,7 +88,7 @@ impl Default for FitOptions {
             mesh: None,
             reweighting: ReweightingOptions::default(),
             lambda: LambdaChoice::Auto,
-            tol: Tolerance::Percent(0.1),
+            tol: Tolerance::Auto,
             within: 0.95,
             samples: Samples::Area,
             levels: 7,
@@ -408,14 +408,19 @@ impl fmt::Display for Pair {
     }
 }
 
-/// A tolerance in the units of the input, or a percentage of the bounding box diagonal.
+/// A tolerance in the units of the input, or a percentage of the bounding box diagonal, or chosen by the scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tolerance {
+    /// Of a surface as [`ScanMeasures`](crate::ScanMeasures) say, elsewhere [`AUTO_PERCENT`] of the diagonal.
+    Auto,
     /// In units of the input.
     Absolute(f64),
     /// Percent of the diagonal.
     Percent(f64),
 }
+
+/// Percent of the diagonal that [`Tolerance::Auto`] is where nothing is measured.
+const AUTO_PERCENT: f64 = 0.1;
 
 impl Tolerance {
     /// Checks that it is positive and finite.
@@ -423,7 +428,7 @@ impl Tolerance {
     /// # Errors
     /// [`Error::OptionRange`].
     pub(crate) fn check(self) -> Result<(), Error> {
-        let (Self::Absolute(number) | Self::Percent(number)) = self;
+        let (Self::Absolute(number) | Self::Percent(number)) = self else { return Ok(()) };
         if number.is_finite() && number > 0.0 {
             return Ok(());
         }
@@ -433,6 +438,7 @@ impl Tolerance {
     /// In the units of the input, for a given diagonal.
     pub fn resolve(self, diagonal: f64) -> f64 {
         match self {
+            Self::Auto => AUTO_PERCENT / 100.0 * diagonal,
             Self::Absolute(tolerance) => tolerance,
             Self::Percent(percent) => percent / 100.0 * diagonal,
         }
@@ -443,7 +449,10 @@ impl FromStr for Tolerance {
     type Err = ParseOptionError;
 
     fn from_str(text: &str) -> Result<Self, ParseOptionError> {
-        let wrong = |_| parse_error(text, "a length such as 0.05, or a percentage of the diagonal such as 0.1%");
+        let wrong = |_| parse_error(text, "a length such as 0.05, a percentage of the diagonal such as 0.1%, or auto");
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
         match text.strip_suffix('%') {
             Some(number) => number.trim().parse().map(Self::Percent).map_err(wrong),
             None => text.parse().map(Self::Absolute).map_err(wrong),
@@ -454,6 +463,7 @@ impl FromStr for Tolerance {
 impl fmt::Display for Tolerance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Auto => f.write_str("auto"),
             Self::Absolute(tolerance) => write!(f, "{tolerance}"),
             Self::Percent(percent) => write!(f, "{percent}%"),
         }
@@ -481,6 +491,7 @@ impl LambdaChoice {
             Self::Fixed(lambda) => {
                 range("--lambda", lambda.to_string(), "0 or a positive number", lambda.is_finite() && lambda >= 0.0)
             }
+            Self::Discrepancy(Tolerance::Auto) => range("--lambda", self.to_string(), "a length of the noise", false),
             Self::Discrepancy(Tolerance::Absolute(noise) | Tolerance::Percent(noise)) => {
                 range("--lambda", self.to_string(), "a positive noise", noise.is_finite() && noise > 0.0)
             }
@@ -584,7 +595,7 @@ mod tests {
 
     #[test]
     fn options_read_back_as_they_are_written() {
-        for text in ["0.1%", "0.0001", "12"] {
+        for text in ["0.1%", "0.0001", "12", "auto"] {
             assert_eq!(text.parse::<Tolerance>().unwrap().to_string(), text);
         }
         for text in ["worst", "threshold", "share:0.1"] {

@@ -11,7 +11,7 @@ use thb_core::{CellSpace, SplineMap};
 
 use crate::options::Method;
 use crate::quasi::QuasiReport;
-use crate::{Error, FitOptions, ParameterOptions, ParameterReport, Parameterized, ReweightingReport};
+use crate::{DefaultTolerance, Error, FitOptions, ParameterOptions, ParameterReport, Parameterized, ReweightingReport};
 
 /// Report of one fit. Keys are added by later versions, never renamed within a schema.
 #[derive(Clone, Debug, Serialize)]
@@ -104,6 +104,9 @@ pub struct ResultReport {
     pub within: f64,
     /// The tolerance in the units of the input.
     pub tolerance: f64,
+    /// How it was chosen; absent where it was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub default_tolerance: Option<DefaultTolerance>,
     /// The smoothing weight that was used.
     pub lambda: f64,
     /// Largest distance of a point to the surface, wherever its closest point lies.

@@ -7,8 +7,10 @@ use std::sync::Arc;
 
 use adaptive::{Deviation, Observer, Outcome, Stop, run};
 use fit_ls::{
-    Detection, Loss, MarkerRules, Markers, PointWeights, Reweighted, Reweighting, Robust, Update, detect_markers,
+    Detection, Loss, MAX_SET_ASIDE, MarkerRules, Markers, PointWeights, Reweighted, Reweighting, Robust, Update,
+    Weighted, detect_markers,
 };
+use moving_param::MovingFit;
 use ndarray::{Array1, ArrayView2, Axis};
 use point_cloud::{BoundingBox, LocalFrames};
 use serde::Serialize;
@@ -36,10 +38,12 @@ const SCREENINGS: usize = 3;
 const LISTED: usize = 1000;
 
 /// Options of reweighting.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReweightingOptions {
     /// The robust loss, if any.
     pub robust: Option<LossChoice>,
+    /// Largest share of the points that a robust loss, or the search for markers of type II, sets aside.
+    pub max_set_aside: f64,
     /// Where markers come from, if there are any.
     pub markers: Option<MarkerChoice>,
     /// Distance below which a marker of type I is met; `None` for the tolerance.
@@ -50,6 +54,20 @@ pub struct ReweightingOptions {
     pub marker_update: UpdateChoice,
 }
 
+impl Default for ReweightingOptions {
+    /// Nothing is asked for.
+    fn default() -> Self {
+        Self {
+            robust: None,
+            max_set_aside: MAX_SET_ASIDE,
+            markers: None,
+            marker_tol: None,
+            ignore_tol: None,
+            marker_update: UpdateChoice::default(),
+        }
+    }
+}
+
 impl ReweightingOptions {
     /// Whether anything is asked for.
     pub(crate) fn is_asked_for(&self) -> bool {
@@ -58,7 +76,7 @@ impl ReweightingOptions {
 
     pub(crate) fn check(&self, method: Method) -> Result<(), Error> {
         for (option, asked) in [("--robust", self.robust.is_some()), ("--markers", self.markers.is_some())] {
-            if asked && !method.begins_fixed() {
+            if asked && matches!(method, Method::Qi | Method::AQi) {
                 return Err(Error::OtherMethod { option, method: method.to_string() });
             }
         }
@@ -66,6 +84,8 @@ impl ReweightingOptions {
             let in_range = loss.check().is_ok();
             range("--robust", LossChoice(loss).to_string(), "lp:P with 1 < P ≤ 2", in_range)?;
         }
+        let share = self.max_set_aside;
+        range("--max-set-aside", share.to_string(), "a share from 0 to 1", (0.0..=1.0).contains(&share))?;
         if let UpdateChoice::Constant(factor) = self.marker_update {
             let in_range = factor.is_finite() && factor > 1.0;
             range("--marker-update", factor.to_string(), "error, or a factor above 1", in_range)?;
@@ -187,6 +207,8 @@ pub struct ReweightingReport {
     pub scale: Option<f64>,
     /// Points that were set aside for gross residuals.
     pub ignored: usize,
+    /// Whether more points disagree grossly with their neighbours than may be set aside.
+    pub capped: bool,
     /// Their rows.
     pub ignored_rows: Vec<u32>,
     /// Markers of type I, and how many of them were met.
@@ -219,7 +241,7 @@ impl ReweightingReport {
     }
 
     /// What the user should know.
-    pub(crate) fn warnings(&self, points: usize) -> Vec<String> {
+    pub(crate) fn warnings(&self, points: usize, max_set_aside: f64) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.ignored > 0 {
             warnings.push(format!(
@@ -227,6 +249,13 @@ impl ReweightingReport {
                  in result.reweighting.ignored_rows",
                 self.ignored,
                 100.0 * self.ignored as f64 / points as f64
+            ));
+        }
+        if self.capped {
+            warnings.push(format!(
+                "more points disagree grossly with their neighbours than may be set aside, {:.3} % of them: the others count, weighed \
+                 less; raise --max-set-aside if they are outliers, or use --clean outliers",
+                100.0 * max_set_aside
             ));
         }
         let missed = self.markers - self.markers_met;
@@ -323,7 +352,8 @@ fn find_markers(problem: &Problem<'_>, space: &HierarchicalSpace<2>, options: &F
         Ok(uniform_knots(options.degree.0[d], elements, space.periodic()[d])?.on_interval(lower[d], upper[d])?)
     };
     let first = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots(0)?, knots(1)?])?);
-    let detection = Detection { threshold: problem.tolerance, standing_out: true, outliers: true };
+    let max_outliers = options.reweighting.max_set_aside;
+    let detection = Detection { threshold: problem.tolerance, standing_out: true, outliers: true, max_outliers };
     let fitting = least_squares_options(problem, options);
     let Problem { points, parameters, weights, .. } = *problem;
     let mut markers = detect_markers(parameters, points, weights, &first, fitting, detection)?;
@@ -349,22 +379,46 @@ fn rules(problem: &Problem<'_>, space: &HierarchicalSpace<2>, options: &FitOptio
         Some(MarkerChoice::File(path)) => Some(markers_among(&read_markers(path)?, problem.rows)?),
     };
     Ok(Reweighting {
-        robust: asked.robust.map(|LossChoice(loss)| Robust::adaptive::<2>(loss, problem.tolerance)),
+        robust: asked.robust.map(|LossChoice(loss)| Robust {
+            max_set_aside: asked.max_set_aside,
+            ..Robust::adaptive::<2>(loss, problem.tolerance)
+        }),
         markers: markers.map(|markers| (markers, MarkerRules { update, ..MarkerRules::new(met, ignored) })),
     })
 }
 
-/// Fits adaptively by least squares whose weights follow the errors.
+/// Fits adaptively with weights that follow the errors: by least squares at fixed parameters, or by a method whose parameters move.
 pub(crate) fn fit(
+    moving: Option<MovingFit<2>>,
     problem: &Problem<'_>,
     space: &Arc<HierarchicalSpace<2>>,
     options: &FitOptions,
     limits: &adaptive::Options<2>,
     observer: &mut dyn Observer,
 ) -> Result<Fitted, Error> {
-    let fitting = least_squares_options(problem, options);
     let rules = rules(problem, space, options)?;
-    let mut solver = Reweighted::new(problem.parameters, problem.points, problem.weights, fitting, &rules)?;
+    let Some(moving) = moving else {
+        let fitting = least_squares_options(problem, options);
+        let solver = Reweighted::new(problem.parameters, problem.points, problem.weights, fitting, &rules)?;
+        return Ok(fit_weighted(solver, &rules, problem, space, limits, observer)?.0);
+    };
+    let solver = Reweighted::of(moving, problem.weights, &rules)?;
+    let (fitted, moved) = fit_weighted(solver, &rules, problem, space, limits, observer)?;
+    Ok(Fitted { parameters: moved.parameters(), moves: moved.reports().to_vec(), ..fitted })
+}
+
+/// The same by a method at hand, which is given back.
+fn fit_weighted<S: Weighted<2>>(
+    mut solver: Reweighted<2, S>,
+    rules: &Reweighting,
+    problem: &Problem<'_>,
+    space: &Arc<HierarchicalSpace<2>>,
+    limits: &adaptive::Options<2>,
+    observer: &mut dyn Observer,
+) -> Result<(Fitted, S), Error>
+where
+    Error: From<S::Error>,
+{
     let Outcome { mut map, mut stop, failure, mut history, .. } = run(&mut solver, space.clone(), limits, observer)?;
     let mut lambda = solver.least_squares().lambda();
     // What a failed iteration left belongs to another space than the map.
@@ -394,32 +448,34 @@ pub(crate) fn fit(
     let listed = |chosen: &mut dyn Iterator<Item = usize>| chosen.take(LISTED).map(|i| problem.rows[i]).collect();
     let markers = solver.weights().markers();
     let missed = |i: &usize| rules.markers.as_ref().is_some_and(|(_, rules)| errors[*i] >= rules.met);
-    let found = options.reweighting.is_asked_for().then(|| ReweightingReport {
+    let found = ReweightingReport {
         rounds: report.rounds,
         settled: report.settled,
         counted: counted.iter().filter(|&&counts| counts).count(),
         scale: report.scale,
         ignored: report.gross.len(),
+        capped: report.capped,
         ignored_rows: listed(&mut report.gross.iter().copied()),
         markers: report.met[0],
         markers_met: report.met[1],
         markers_missed_rows: listed(&mut markers.met.iter().copied().filter(missed)),
         markers_to_ignore: report.ignored[0],
         markers_ignored: report.ignored[1],
-    });
-    Ok(Fitted {
+    };
+    let fitted = Fitted {
         errors: Array1::from(errors),
         lambda: lambda.unwrap_or(0.0),
         parameters: problem.parameters.to_owned(),
         failure: failure.map(|error| error.to_string()),
         moves: Vec::new(),
         quasi: Vec::new(),
-        reweighting: found,
+        reweighting: Some(found),
         counted: Some(counted),
         map,
         stop,
         history,
-    })
+    };
+    Ok((fitted, solver.into_method()))
 }
 
 #[cfg(test)]

@@ -241,7 +241,8 @@ fn outliers(clouds: &[(&str, Cloud)], text: &mut String) -> Result<()> {
             row("LS, clean", &fit(&cloud.parameters, &cloud.points, &nothing, settings)?)?;
             row("LS", &fit(&cloud.parameters, &points, &nothing, settings)?)?;
             for (method, loss) in losses {
-                let robust = Some(Robust::adaptive::<2>(loss, tolerance));
+                // A fifth of the points are outliers.
+                let robust = Some(Robust { max_set_aside: 0.3, ..Robust::adaptive::<2>(loss, tolerance) });
                 let rules = Reweighting { robust, ..Reweighting::default() };
                 row(method, &fit(&cloud.parameters, &points, &rules, settings)?)?;
             }
@@ -342,7 +343,7 @@ fn sharp_features(text: &mut String) -> Result<()> {
     for tolerance in LADDER {
         let settings = Settings { elements: 15, lambda, tolerance, within: 1.0 };
         let options = Options { lambda, ..Options::default() };
-        let detection = Detection { threshold: tolerance, standing_out: false, outliers: false };
+        let detection = Detection { threshold: tolerance, standing_out: false, outliers: false, max_outliers: 0.0 };
         let markers = detect_markers(u, p, None, &uniform(15)?, options, detection)?;
         let count = markers.met.len();
         let rules = MarkerRules {

@@ -47,7 +47,9 @@ fn a_robust_loss_sets_outliers_aside_and_says_which() {
     assert!([0, 3].contains(&plain.code));
     assert!(error(&lab) > 0.05);
     for loss in ["huber", "tukey", "geman-mcclure", "lp:1.2"] {
-        lab.succeeds(&format!("fit scan.csv --robust {loss} -o part.json --report r.json --summary s.jsonl"));
+        lab.succeeds(&format!(
+            "fit scan.csv --robust {loss} --max-set-aside 0.3 -o part.json --report r.json --summary s.jsonl"
+        ));
         assert!(error(&lab) < 0.005, "{loss}: {}", error(&lab));
         let report = lab.json("r.json");
         let found = &report["result"]["reweighting"];
@@ -60,6 +62,78 @@ fn a_robust_loss_sets_outliers_aside_and_says_which() {
         let summary: serde_json::Value = serde_json::from_str(&lab.text("s.jsonl")).unwrap();
         assert_eq!(summary["reweighting"]["ignored"], rows.len());
         assert_eq!(summary["lambda"], report["result"]["lambda"]);
+    }
+}
+
+#[test]
+fn a_robust_loss_goes_with_parameters_that_move() {
+    let lab = lab();
+    for method in ["auto", "a-pdm", "a-hdm", "j-pdm", "joint"] {
+        let options = format!("--robust tukey --max-set-aside 0.3 --method {method}");
+        let run = lab.thb(&format!("fit scan.csv {options} --tol 0.1% -o part.json --report r.json"));
+        assert!([0, 3].contains(&run.code), "{method}: {}", run.stderr);
+        let found = &lab.json("r.json")["result"]["reweighting"];
+        assert_eq!(found["ignored"], count_spoiled(), "{method}: {found}");
+        assert!(lab.prints_json("compare part.json clean.csv")["dhd"].as_f64().unwrap() < 0.005, "{method}");
+    }
+}
+
+#[test]
+fn no_more_points_are_set_aside_than_may_be_and_the_user_is_told() {
+    let lab = lab();
+    for (loss, most, capped) in
+        [("tukey", "0.1", true), ("huber", "0.05", true), ("tukey", "0.3", false), ("lp:2", "0.1", false)]
+    {
+        let run = lab.thb(&format!("fit scan.csv --robust {loss} --max-set-aside {most} -o part.json --report r.json"));
+        assert!([0, 3].contains(&run.code), "{}", run.stderr);
+        let report = lab.json("r.json");
+        let found = &report["result"]["reweighting"];
+        let share = found["ignored"].as_f64().unwrap() / (SIDE * SIDE) as f64;
+        assert!(share <= most.parse().unwrap(), "{loss}, {most}: {share}");
+        assert_eq!(found["capped"], capped, "{loss}, {most}");
+        assert_eq!(report["warnings"].to_string().contains("--max-set-aside"), capped, "{}", report["warnings"]);
+    }
+}
+
+#[test]
+fn few_points_get_no_more_control_points_than_points() {
+    // A saddle on lattices of few points, exactly, with and without a loss.
+    for (columns, rows) in [(6, 3), (4, 4), (5, 5), (8, 5)] {
+        let mut text = String::from("u,v,x,y,z\n");
+        for (i, j) in (0..columns).flat_map(|i| (0..rows).map(move |j| (i, j))) {
+            let (u, v) = (i as f64 / (columns - 1) as f64, j as f64 / (rows - 1) as f64);
+            text += &format!("{u},{v},{u},{v},{}\n", u * v);
+        }
+        let lab = Lab::with("saddle.csv", text);
+        for loss in ["", "--robust tukey", "--robust lp:1.5"] {
+            lab.succeeds(&format!("fit saddle.csv {loss} -o part.json --report r.json"));
+            let result = &lab.json("r.json")["result"];
+            assert!(result["dofs"].as_u64().unwrap() <= columns * rows, "{loss}: {result}");
+            assert!(result["dhd"].as_f64() < Some(1e-3), "{loss}: {result}");
+        }
+    }
+}
+
+#[test]
+fn an_offset_of_the_coordinates_changes_nothing() {
+    let shifted = |offset: f64| {
+        let mut text = String::new();
+        for row in 0..400 {
+            let [u, v] = [row % 20, row / 20].map(|i| i as f64 / 19.0);
+            let off = if row % 37 == 5 { 0.3 } else { 0.0 };
+            let z = 0.2 * (3.0 * u).sin() * v + off;
+            text += &format!("{:.6} {:.6} {:.6}\n", offset + u, offset + v, offset + z);
+        }
+        let lab = Lab::with("scan.xyz", text);
+        lab.thb("fit scan.xyz --robust tukey --tol 0.002 -o part.json --report r.json");
+        let result = lab.json("r.json")["result"].clone();
+        (result["dofs"].clone(), result["reweighting"]["ignored_rows"].clone(), result["rmse"].as_f64().unwrap())
+    };
+    let near = shifted(0.0);
+    for offset in [1e6, 1e9] {
+        let far = shifted(offset);
+        assert_eq!((&far.0, &far.1), (&near.0, &near.1), "{offset:e}");
+        assert!((far.2 / near.2 - 1.0).abs() < 0.05, "{offset:e}: {} for {}", far.2, near.2);
     }
 }
 
@@ -127,7 +201,7 @@ fn markers_of_a_file_are_met_and_ignored() {
 #[test]
 fn markers_are_found() {
     let lab = lab();
-    lab.succeeds("fit scan.csv --markers auto -o part.json --report r.json");
+    lab.succeeds("fit scan.csv --markers auto --max-set-aside 0.3 -o part.json --report r.json");
     assert!(error(&lab) < 0.005);
     let found = lab.json("r.json")["result"]["reweighting"].clone();
     // A few sound points may be among them.
@@ -150,7 +224,8 @@ fn rules_for_the_smoothing_weight_are_reported() {
 fn options_that_do_not_go_together_are_wrong_usage() {
     let lab = lab();
     for (options, texts) in [
-        ("--robust tukey --method joint", ["--robust", "joint"]),
+        ("--robust tukey --method a-qi", ["--robust", "a-qi"]),
+        ("--robust tukey --max-set-aside 1.5", ["--max-set-aside", "1.5"]),
         ("--markers auto --method qi", ["--markers", "qi"]),
         ("--lambda gcv --method a-pdm", ["--lambda gcv", "a-pdm"]),
         ("--robust cauchy", ["cauchy", "huber"]),

@@ -46,6 +46,11 @@ impl Loss {
         }
     }
 
+    /// Whether the loss is the square, so that all weights are 1.
+    pub fn is_least_squares(self) -> bool {
+        self == Self::Power(2.0)
+    }
+
     /// Checks the exponent.
     ///
     /// # Errors

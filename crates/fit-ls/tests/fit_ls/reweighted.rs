@@ -72,6 +72,11 @@ fn l2_is_least_squares() {
     assert_eq!(fit.report().unwrap().rounds, 1);
 }
 
+/// A loss for adaptive fits that may set up to 30 % of the points aside.
+fn many_outliers(loss: Loss, tolerance: f64) -> Robust {
+    Robust { max_set_aside: 0.3, ..Robust::adaptive::<2>(loss, tolerance) }
+}
+
 /// A hill with a crease as a height field, and points of it: clean ones, and the same with gross outliers.
 struct Contaminated {
     parameters: Array2<f64>,
@@ -130,7 +135,7 @@ fn a_fifth_of_gross_outliers_hardly_matters() {
         assert!(plain > 5.0 * clean, "least squares follows outliers: {plain:e} beside {clean:e}");
         for loss in [Loss::Huber, Loss::Tukey, Loss::GemanMcClure, Loss::Power(1.2)] {
             let (error, robust_dofs, method) =
-                data.fit(&data.points, &robust(Robust::adaptive::<2>(loss, tolerance)), tolerance);
+                data.fit(&data.points, &robust(many_outliers(loss, tolerance)), tolerance);
             let gross = method.weights().gross();
             let missed = (0..4000).filter(|&i| data.outliers[i] && !gross[i]).count();
             let wrong = (0..4000).filter(|&i| !data.outliers[i] && gross[i]).count();
@@ -216,7 +221,7 @@ fn results_do_not_depend_on_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let rules = robust(Robust::adaptive::<2>(Loss::Tukey, 0.01));
+            let rules = robust(many_outliers(Loss::Tukey, 0.01));
             let options = Options { lambda: Lambda::CrossValidation, ..Options::default() };
             let mut fit =
                 Reweighted::<2>::new(data.parameters.view(), data.points.view(), None, options, &rules).unwrap();
@@ -239,7 +244,7 @@ fn outliers_have_no_say_in_an_automatic_smoothing_weight() {
             fit.least_squares().lambda().unwrap()
         };
         let clean = of(&data.clean, &Reweighting::default());
-        let rule = robust(Robust::adaptive::<2>(Loss::Tukey, 0.02));
+        let rule = robust(many_outliers(Loss::Tukey, 0.02));
         let (found, plain) = (of(&data.points, &rule), of(&data.points, &Reweighting::default()));
         let off = |lambda: f64| (lambda / clean).log10().abs();
         // The automatic rule judges by powers of ten of the total weight, which the outliers have left.
@@ -255,7 +260,7 @@ fn outliers_have_no_say_in_an_automatic_smoothing_weight() {
 #[test]
 fn features_and_outliers_are_told_apart() {
     let data = Contaminated::new(4000, 0.0, 0.1, false);
-    let detection = Detection { threshold: 0.004, standing_out: true, outliers: true };
+    let detection = Detection { threshold: 0.004, standing_out: true, outliers: true, max_outliers: 0.2 };
     let (u, p) = (data.parameters.view(), data.points.view());
     let markers = detect_markers(u, p, None, &uniform::<2>(3, 15), fixed(1e-7), detection).unwrap();
     markers.check(4000).unwrap();
@@ -278,6 +283,8 @@ fn wrong_rules_are_refused() {
     assert_eq!(make(robust(Robust::plain(Loss::Power(1.0))), None), Error::Exponent { value: 1.0 });
     let scale = Robust { least_scale: -1.0, ..Robust::plain(Loss::Huber) };
     assert_eq!(make(robust(scale), None), Error::Scale { value: -1.0 });
+    let share = Robust { max_set_aside: 1.5, ..Robust::plain(Loss::Huber) };
+    assert_eq!(make(robust(share), None), Error::Share { value: 1.5 });
     let markers = |met: Vec<usize>| Reweighting {
         markers: Some((Markers { met, ignored: vec![2] }, MarkerRules::new(0.1, 0.1))),
         ..Reweighting::default()
@@ -288,4 +295,73 @@ fn wrong_rules_are_refused() {
     assert_eq!(make(Reweighting::default(), Some(&negative)), Error::Weight { index: 2, value: -0.5 });
     let short = Array1::from(vec![1.0]);
     assert!(matches!(make(Reweighting::default(), Some(&short)), Error::Shape { given: 1, expected: 5, .. }));
+}
+
+const LOSSES: [Loss; 5] = [Loss::Huber, Loss::Tukey, Loss::GemanMcClure, Loss::Power(1.2), Loss::Power(2.0)];
+
+#[test]
+fn no_more_points_are_set_aside_than_may_be() {
+    let space = uniform::<2>(3, 8);
+    for (share, most) in [(0.05, 0.1), (0.2, 0.1), (0.4, 0.1), (0.2, 0.0), (0.2, 0.3), (0.2, 1.0)] {
+        let data = Contaminated::new(1500, 0.003, share, true);
+        for loss in LOSSES {
+            let rule = Robust { max_set_aside: most, ..Robust::adaptive::<2>(loss, 0.01) };
+            let mut fit =
+                Reweighted::<2>::new(data.parameters.view(), data.points.view(), None, fixed(1e-6), &robust(rule))
+                    .unwrap();
+            fit.fit(&space, 12).unwrap();
+            let outliers = data.outliers.iter().filter(|off| **off).count();
+            let without_weight = fit.weights().weights().iter().filter(|w| **w == 0.0).count();
+            let report = fit.report().unwrap();
+            assert!(report.gross.len() as f64 <= most * 1500.0, "{loss:?}, {most}: {}", report.gross.len());
+            assert!(without_weight <= report.gross.len(), "{loss:?}, {most}: {without_weight} without weight");
+            if loss.is_least_squares() {
+                assert!(report.gross.is_empty() && !report.capped && report.scale.is_none());
+            } else if share > 1.2 * most {
+                assert!(report.capped, "{loss:?}: {share} of outliers where {most} may be set aside");
+            } else if share < 0.8 * most {
+                assert!(!report.capped && report.gross.len() as f64 > 0.9 * outliers as f64, "{loss:?}, {most}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_square_is_least_squares_whatever_the_points() {
+    let space = uniform::<2>(3, 6);
+    for m in [20, 200, 1500] {
+        let data = Contaminated::new(m, 0.01, 0.3, true);
+        let (u, p) = (data.parameters.view(), data.points.view());
+        let plain = LeastSquares::new(u, p, None, fixed(1e-6)).unwrap().fit(&space).unwrap();
+        let rules = robust(Robust::adaptive::<2>(Loss::Power(2.0), 1e-3));
+        let mut fit = Reweighted::<2>::new(u, p, None, fixed(1e-6), &rules).unwrap();
+        let map = fit.fit(&space, 10).unwrap();
+        assert!(largest_difference(&map.coefficients().to_owned(), &plain.coefficients().to_owned()) < 1e-12);
+        let report = fit.report().unwrap();
+        assert_eq!((report.rounds, report.gross.len(), report.settled), (1, 0, true));
+    }
+}
+
+#[test]
+fn points_of_an_exact_spline_are_not_set_aside() {
+    // One element: the surface is met exactly, and what is left are smoothing and round-off.
+    let space = uniform::<2>(3, 1);
+    for m in [18, 20, 30, 100, 400] {
+        for offset in [0.0, 1e3] {
+            let mut random = Random::new(m as u64);
+            let parameters = random.array(m, 2);
+            let points = Array2::from_shape_fn((m, 3), |(i, k)| {
+                let (u, v) = (parameters[[i, 0]], parameters[[i, 1]]);
+                offset + [u, v, u * v - 0.3 * u * u][k]
+            });
+            for loss in LOSSES {
+                let rules = robust(Robust { max_set_aside: 1.0, ..Robust::adaptive::<2>(loss, 1e-3) });
+                let mut fit =
+                    Reweighted::<2>::new(parameters.view(), points.view(), None, fixed(1e-9), &rules).unwrap();
+                fit.fit(&space, 10).unwrap();
+                let aside = fit.report().unwrap().gross.len();
+                assert_eq!(aside, 0, "{m} at {offset:e}, {loss:?}");
+            }
+        }
+    }
 }

@@ -5,3 +5,4 @@ mod foot_points;
 mod methods;
 mod quasi;
 mod square_map;
+mod weighted;

@@ -1,7 +1,7 @@
 //! The verdict on a curve: whether it is near its points everywhere, and goes nowhere else.
 
-use ndarray::{Array1, Array2};
 use deviation::{Reason, Verdict};
+use ndarray::{Array1, Array2};
 use serde::Serialize;
 use thb_core::{CellSpace, ClosestPoints, SplineMap};
 
