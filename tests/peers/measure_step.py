@@ -20,7 +20,8 @@ JSON object. Lengths are in the unit of the files, shares from 0 to 1.
 - coverage: the scan beyond the surface's rim by more than tolerance + spacing; the surface beyond the scan's outline or
   over its holes; the surface's largest distance from the scan, wherever.
 - box: the diagonal of the surface's bounding box by that of the scan's.
-- crossings: pairs of triangles that pass through each other; the length along which they do so; a place.
+- crossings: pairs of triangles that pass through each other; the length along which they do so; how far corners reach
+  through the other plane, which is less the smaller the triangles are; a place.
 - folds (meshes): share of the surface whose normal is more than 90 degrees from the scan's.
 """
 
@@ -57,12 +58,14 @@ def measure(step, points, triangles, tolerance=None, samples=SAMPLES, most_trian
     else:
         figures = judge_mesh(points, triangles, surface, tolerance, samples, seed)
     size = float(np.linalg.norm(np.ptp(surface.points, axis=0)))
-    pairs, places, lengths = self_crossings(
+    pairs, places, lengths, depths = self_crossings(
         surface.points, surface.triangles, surface.blocks, surface.rim, max(surface.chord, ROUND_OFF_CHORD * size)
     )
-    crossings = dict(pairs=len(pairs), triangles=len(np.unique(pairs)), length=float(lengths.sum()), place=None)
+    crossings = dict(
+        pairs=len(pairs), triangles=len(np.unique(pairs)), length=float(lengths.sum()), depth=0.0, place=None
+    )
     if len(pairs):
-        crossings["place"] = [float(x) for x in places[lengths.argmax()]]
+        crossings.update(depth=float(depths.max()), place=[float(x) for x in places[lengths.argmax()]])
     result = dict(
         schema=1,
         scan=dict(

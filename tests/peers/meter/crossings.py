@@ -21,8 +21,9 @@ AT_ONCE = 2_000_000
 
 
 def self_crossings(points, triangles, blocks, rim, chord):
-    """Pairs of triangles that cross: (pairs (n, 2), places (n, 3), lengths (n,) of what they have in common). `rim` are
-    segments (n, 2, 3) along the rim, `chord` is the largest distance of the triangles from the surface."""
+    """Pairs of triangles that cross: (pairs (n, 2), places (n, 3), lengths (n,) of what they have in common, and how far
+    (n,) corners of each reach through the plane of the other). `rim` are segments (n, 2, 3) along the rim, `chord` is the
+    largest distance of the triangles from the surface."""
     corners = points[triangles]
     normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     order = np.argsort(blocks, kind="stable")
@@ -64,7 +65,7 @@ def self_crossings(points, triangles, blocks, rim, chord):
     number = np.searchsorted(names, blocks)
     near = touching(number[crossed[:, 0]], number[crossed[:, 1]]) | (distance_to_lines(places, rim) <= 2 * chord)
     kept = ~near | (depths > 2 * chord)
-    return crossed[kept], places[kept], lengths[kept]
+    return crossed[kept], places[kept], lengths[kept], depths[kept]
 
 
 def blocks_that_touch(blocks, triangles, vertices):
