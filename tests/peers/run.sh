@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Opens what is written, fitted fixtures and constructed models, in other software: STEP in Open CASCADE and
-# Gmsh, XML in G+Smo, DXF with ezdxf. Points at the same parameters must agree.
+# Gmsh, XML in G+Smo, DXF with ezdxf. Points at the same parameters must agree. The meter of docs/results/truth.md is tested on
+# planted figures, and on a fit.
 #
 # Usage: run.sh [PYTHON]      an interpreter with the packages of requirements.txt; python3 unless named
 set -euo pipefail
@@ -22,6 +23,8 @@ if ! "$python" -c "import gmsh" 2>"$work/import"; then
     echo "SKIPPED: Gmsh cannot be loaded: $(tail -n 1 "$work/import")"
     gmsh=()
 fi
+
+"$python" tests/peers/check_measure.py
 
 # A lattice of parameters, boundary included; 2^-5 is a cell boundary on many levels, 1/40 on none.
 awk 'BEGIN {
@@ -61,6 +64,18 @@ if ((levels < 5)); then
     echo "the blade has $levels levels; at least 5 are needed here" >&2
     exit 1
 fi
+
+# The meter reads what is written: a face is met nearly everywhere, and nothing of it is far away.
+"$python" tests/peers/measure_step.py "$work/face.step" fixtures/nefertiti_299.off --tol 0.5% >"$work/face.measured.json"
+"$python" - "$work/face.measured.json" <<'CHECK'
+import json, sys
+
+found = json.load(open(sys.argv[1]))
+within, farthest = found["points"]["within"], found["coverage"]["surface_farthest"] / found["tol"]
+if not (within > 0.94 and farthest < 20 and 0.95 < found["box"] < 1.05 and found["crossings"]["pairs"] == 0):
+    sys.exit(f"FAILED: {found}")
+print(f"face: {within:.1%} of the vertices measured within the tolerance, the surface at most {farthest:.1f} tolerances away")
+CHECK
 
 for model in biquadratic:millimetre bicubic:inch mixed:metre hierarchical:millimetre spots:millimetre dome:millimetre; do
     name=${model%:*} unit=${model#*:} file=$models/${model%:*}

@@ -1,0 +1,244 @@
+"""Judgements: distances of a scan to a surface and of the surface to the scan, misses that gather, coverage, folds."""
+
+import igl
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from . import facets
+from .facets import dot, unit
+
+# Neighbours from which the spacing of a cloud is taken, and to which points that miss are joined.
+NEIGHBOURS = 6
+# Spacings within which neighbouring points that miss belong together.
+JOINED_SPACINGS = 3.0
+# Fewest nodes of a patch of misses.
+PATCH_NODES = 5
+# Share of the area from which on a patch of misses is listed.
+LISTED_PATCH = 1e-3
+# Parts of triangles that touch have middles no farther apart than this share of the sum of their edges.
+TOUCHING_PARTS = 0.8
+# A point of a cloud counts for at most so many medians of the spacing: a lonely one would outvote all others.
+MOST_SPACING = 3.0
+# Places of the surface count by how far they lie outside balls of so many spacings around the points.
+COVERED_SPACINGS = 1.0
+# Farther than so many spacings from the nearest point the surface lies beyond the outline or over a hole.
+BEYOND_SPACINGS = 2.0
+# A place lies on an outline if it is that near to it, as a share of the diagonal.
+ON_OUTLINE = 1e-6
+
+
+def statistics(distances, places, tolerance, weights=None, others=None):
+    """Share within the tolerance, mean, RMS, quantiles and the largest distance with its place; weighed where weights
+    are given. `others` are distances and places that count for the largest only."""
+    if not len(distances):
+        return None
+    weights = np.ones(len(distances)) if weights is None else weights
+    weights = weights / weights.sum()
+    order = np.argsort(distances)
+    total = np.cumsum(weights[order])
+    quantile = lambda q: float(distances[order[min(np.searchsorted(total, q * total[-1]), len(order) - 1)]])
+    largest = [(distances, places)] + ([others] if others is not None and len(others[0]) else [])
+    worst, place = max(((d.max(), p[d.argmax()]) for d, p in largest), key=lambda found: found[0])
+    return dict(
+        within=float(weights[distances <= tolerance].sum()),
+        mean=float(weights @ distances),
+        rms=float(np.sqrt(weights @ distances**2)),
+        median=quantile(0.5),
+        p95=quantile(0.95),
+        p99=quantile(0.99),
+        max=float(worst),
+        place=[float(x) for x in place],
+    )
+
+
+def patches(nodes, joined, sizes, distances, places):
+    """Connected patches of nodes that miss, `joined` in pairs (one, other), as shares of the area: largest, sum of the
+    listed ones, and the listed ones with area, largest distance and its place."""
+    links = coo_matrix((np.ones(len(joined[0])), joined), shape=(nodes, nodes))
+    count, label = connected_components(links, directed=False)
+    share = np.bincount(label, sizes, minlength=count)
+    share[np.bincount(label, minlength=count) < PATCH_NODES] = 0.0
+    listed = []
+    for k in np.argsort(-share)[: int((share > LISTED_PATCH).sum())]:
+        at = np.flatnonzero(label == k)
+        worst = at[distances[at].argmax()]
+        listed.append(dict(area=float(share[k]), max=float(distances[worst]), place=[float(x) for x in places[worst]]))
+    return dict(largest=float(share.max(initial=0.0)), total=float(share[share > LISTED_PATCH].sum()), listed=listed)
+
+
+def gathered_parts(places, sizes, distances, tolerance):
+    """Patches of misses among parts of triangles: middles, areas and distances of the parts."""
+    miss = distances > tolerance
+    if not miss.any():
+        return dict(largest=0.0, total=0.0, listed=[])
+    middles, total = places[miss], sizes.sum()
+    # The edge of an equilateral triangle of the part's area; a part touches at most twelve others.
+    edge = np.sqrt(sizes[miss] * 4 / np.sqrt(3))
+    apart, other = cKDTree(middles).query(middles, k=min(13, len(middles)))
+    apart, other = np.atleast_2d(apart.T).T, np.atleast_2d(other.T).T
+    one = np.repeat(np.arange(len(middles)), apart.shape[1])
+    apart, other = apart.reshape(-1), other.reshape(-1)
+    touch = apart <= TOUCHING_PARTS * (edge[one] + edge[other])
+    return patches(len(middles), (one[touch], other[touch]), sizes[miss] / total, distances[miss], middles)
+
+
+def gathered_points(points, spacing, weights, distances, tolerance):
+    """Patches of misses among the points of a cloud, whose weights add up to one."""
+    miss = np.flatnonzero(distances > tolerance)
+    if not len(miss):
+        return dict(largest=0.0, total=0.0, listed=[])
+    apart, other = cKDTree(points).query(points[miss], k=NEIGHBOURS + 1)
+    number = np.full(len(points), -1)
+    number[miss] = np.arange(len(miss))
+    one = np.repeat(np.arange(len(miss)), NEIGHBOURS + 1)
+    apart, other = apart.reshape(-1), number[other.reshape(-1)]
+    near = (other >= 0) & (apart <= JOINED_SPACINGS * spacing[miss[one]])
+    return patches(len(miss), (one[near], other[near]), weights[miss], distances[miss], points[miss])
+
+
+def spacing_of(points):
+    """Mean distance of each point to its six nearest neighbours."""
+    apart, _ = cKDTree(points).query(points, k=NEIGHBOURS + 1)
+    return apart[:, 1:].mean(axis=1)
+
+
+def beyond_rim(places, distance, near, normals, rim, slack):
+    """For places whose nearest point lies on the rim of the surface: how far they lie beyond it, along the surface; and
+    their distance across it. Elsewhere 0 and the distance."""
+    on_rim = facets.distance_to_lines(near, rim) <= slack
+    away = places - near
+    across = np.abs(dot(away, normals))
+    along = np.sqrt(np.maximum(0, distance**2 - across**2))
+    return np.where(on_rim, along, 0.0), np.where(on_rim, across, distance)
+
+
+def judge_mesh(points, triangles, surface, tolerance, count, seed):
+    """All judgements against a mesh."""
+    diagonal = np.linalg.norm(np.ptp(points, axis=0))
+    normals = unit(facets.doubled_normals(points, triangles))
+    corners = facets.corner_normals(points, triangles)
+    to_surface = facets.searcher(surface.points, surface.triangles)
+    surface_normals = unit(facets.doubled_normals(surface.points, surface.triangles))
+    most = facets.BAND_TOLERANCES * tolerance
+
+    # From the scan.
+    which, weights = facets.sample(points, triangles, count, seed)
+    places = facets.at(points, triangles, which, weights)
+    height = facets.curved_height(points, triangles, corners, which, weights, most)
+    flat, near_triangle, near = to_surface(places)
+    to_band = facets.distances_to_band(places, flat, normals[which], height, to_surface)
+    used = np.unique(triangles)
+    at_vertices = to_surface(points[used])[0]
+    vertices = (at_vertices, points[used])
+    result = dict(
+        sagitta_p95=float(np.quantile(np.abs(facets.curved_height(points, triangles, corners, which, weights)), 0.95)),
+        scan_to_surface=statistics(to_band, places, tolerance, others=vertices),
+        points=statistics(at_vertices, points[used], tolerance),
+    )
+    facet_figures = dict(scan_to_surface=statistics(flat, places, tolerance, others=vertices))
+
+    # Coverage of the scan.
+    slack = 2 * surface.chord + ON_OUTLINE * diagonal
+    along, _ = beyond_rim(places, flat, near, surface_normals[near_triangle], surface.rim, slack)
+    # The spacing is the edge of an equilateral triangle of the same area.
+    spacing = np.sqrt(4 / np.sqrt(3) * facets.areas(points, triangles)[which])
+    beyond = along > tolerance + spacing
+    coverage = dict(scan_beyond_rim=float(beyond.mean()))
+
+    # Misses that gather.
+    part, part_weights, sizes = facets.split(points, triangles)
+    middles = facets.at(points, triangles, part, part_weights)
+    missing = to_surface(middles)[0]
+    suspect = np.flatnonzero(missing > tolerance)
+    if len(suspect):
+        height = facets.curved_height(points, triangles, corners, part[suspect], part_weights[suspect], most)
+        missing[suspect] = facets.distances_to_band(
+            middles[suspect], missing[suspect], normals[part[suspect]], height, to_surface
+        )
+    result["gathered"] = gathered_parts(middles, sizes, missing, tolerance)
+
+    # From the surface, its samples first and its vertices behind them: these count for the largest only.
+    which, weights = facets.sample(surface.points, surface.triangles, count, seed + 1)
+    places = np.concatenate([facets.at(surface.points, surface.triangles, which, weights), surface.points])
+    distance, nearest_facet, near = facets.searcher(points, triangles)(places)
+    outline = facets.boundary(points, triangles)
+    inside = facets.distance_to_lines(near, outline) > ON_OUTLINE * diagonal
+    side = np.where(dot(places - near, normals[nearest_facet]) < 0, -1.0, 1.0)
+    at_near = facets.barycentric(points, triangles, nearest_facet, near)
+    height = facets.curved_height(points, triangles, corners, nearest_facet, at_near, most)
+    banded = facets.outside_band(side * distance, height)
+    samples, extra = inside[:count], inside[count:]
+    for kind, figures in ((banded, result), (distance, facet_figures)):
+        others = (kind[count:][extra], places[count:][extra])
+        figures["surface_to_scan"] = statistics(
+            kind[:count][samples], places[:count][samples], tolerance, others=others
+        )
+    coverage["surface_beyond_outline"] = float(1 - samples.mean())
+    coverage["surface_farthest"] = float(distance.max())
+    result["facets"], result["coverage"] = facet_figures, coverage
+
+    result["folds"] = folds(
+        points, triangles, nearest_facet[:count], at_near[:count], samples, places[:count], surface_normals[which]
+    )
+    return result
+
+
+def folds(points, triangles, nearest_facet, weights, inside, places, normals):
+    """Share of the surface inside the outline whose normal is more than 90 degrees from that of the scan at the nearest
+    point, which is blended from the vertices. Each connected part of the scan may be oriented either way."""
+    oriented, part = igl.bfs_orient(triangles)
+    doubled = facets.doubled_normals(points, oriented)
+    sums = np.column_stack(
+        [np.bincount(oriented.reshape(-1), np.repeat(doubled[:, d], 3), minlength=len(points)) for d in range(3)]
+    )
+    # bfs_orient may exchange corners, so the weights are found by vertex.
+    same = (triangles[nearest_facet][:, :, None] == oriented[nearest_facet][:, None, :]).argmax(axis=1)
+    weights = np.take_along_axis(weights, same, axis=1)
+    scan_normals = unit(np.einsum("ij,ijk->ik", weights, unit(sums)[oriented[nearest_facet]]))
+    cosine = dot(scan_normals, normals)
+    of_part = part[nearest_facet]
+    majority = np.bincount(of_part[inside], np.sign(cosine[inside]), minlength=part.max() + 1)
+    against = inside & (cosine * np.where(majority[of_part] < 0, -1, 1) < 0)
+    place = None
+    if against.any():
+        # A place of the largest group, roughly: the one with most others near it.
+        found = places[against]
+        radius = 0.01 * np.linalg.norm(np.ptp(points, axis=0))
+        crowd = cKDTree(found).query_ball_point(found, radius, return_length=True)
+        place = [float(x) for x in found[np.argmax(crowd)]]
+    return dict(share=float(against.sum() / max(inside.sum(), 1)), place=place)
+
+
+def judge_cloud(points, surface, tolerance, count, seed):
+    """All judgements against a cloud."""
+    diagonal = np.linalg.norm(np.ptp(points, axis=0))
+    spacing = spacing_of(points)
+    weights = np.minimum(spacing, MOST_SPACING * np.median(spacing)) ** 2
+    if not weights.any():
+        weights = np.ones(len(points))
+    surface_normals = unit(facets.doubled_normals(surface.points, surface.triangles))
+    distance, triangle, near = facets.searcher(surface.points, surface.triangles)(points)
+    slack = 2 * surface.chord + ON_OUTLINE * diagonal
+    along, across = beyond_rim(points, distance, near, surface_normals[triangle], surface.rim, slack)
+    beyond = along > tolerance + spacing
+    result = dict(
+        scan_to_surface=statistics(across, points, tolerance, weights),
+        points=statistics(distance, points, tolerance),
+        gathered=gathered_points(points, spacing, weights / weights.sum(), across, tolerance),
+    )
+    which, sides = facets.sample(surface.points, surface.triangles, count, seed + 1)
+    places = np.concatenate([facets.at(surface.points, surface.triangles, which, sides), surface.points])
+    away, nearest_point = cKDTree(points).query(places)
+    there = spacing[nearest_point]
+    excess = np.maximum(0.0, away - COVERED_SPACINGS * there)
+    outside = (away > BEYOND_SPACINGS * there) & (excess > tolerance)
+    others = (excess[count:], places[count:])
+    result["surface_to_scan"] = statistics(excess[:count], places[:count], tolerance, others=others)
+    result["coverage"] = dict(
+        scan_beyond_rim=float(weights[beyond].sum() / weights.sum()),
+        surface_beyond_outline=float(outside[:count].mean()),
+        surface_farthest=float(away.max()),
+    )
+    return result
