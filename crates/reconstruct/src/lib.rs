@@ -59,8 +59,8 @@ pub use parameter_options::{
     SideRule,
 };
 pub use parameters::{
-    HoleReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport, parameterize,
-    parameterize_file,
+    HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
+    parameterize, parameterize_file,
 };
 pub use picture::draw_parameters;
 pub use quasi::{LocalRule, QuasiOptions, QuasiReport};
