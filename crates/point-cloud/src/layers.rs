@@ -80,13 +80,12 @@ const NEAR_LAYERS: (f64, f64) = (3.78, 0.25);
 /// Calibrated: shifted layers have 4.2 to 6.3 and a spread up to 0.53.
 const FAR_LAYERS: (f64, f64) = (4.5, 0.6);
 
-/// Largest distance that the split finds outside, as a share of that inside, where outside is a third of the points or more: of layers throughout,
-/// chance leaves up to a quarter unrecognized.
+/// Largest distance that the split finds outside, as a share of that inside, where outside is half of the points or more.
 ///
-/// Derived: of one layer 2 · 0.8 σ is found, of two 4 σ or more: 0.4. Evenly distributed noise, which in places looks like two layers 4 σ
-/// apart, has 1.
+/// Derived: of one layer 2 · 0.8 σ is found, of two 4 σ or more: 0.4. Evenly distributed noise, which in up to a fifth of its places
+/// looks like two layers 4 σ apart, has 1. Where less is outside, much of it may be places of two layers that chance left unrecognized.
 const MOST_CONTRAST: f64 = 0.75;
-const LEAST_OUTSIDE: f64 = 0.35;
+const LEAST_OUTSIDE: f64 = 0.5;
 
 /// Largest distance, in mean distances to the six nearest points. Sheets farther apart are seen as two, and walls are such sheets.
 ///
@@ -107,6 +106,12 @@ const POINTS_PER_VALUE: usize = 4;
 ///
 /// Derived: an eighth of a neighbourhood, where the point is at its rim.
 const FEWEST_BESIDE: usize = 8;
+
+/// Heights over one quadric, in half distances, at which neighbours are parted to begin with.
+///
+/// Derived: inside, the quadric runs midway. At the end of a layer it leans to the other one, whose points are then at height 0 and all of
+/// one side.
+const STARTS: [f64; 3] = [0.0, -0.5, 0.5];
 
 /// Share of the squared heights over one quadric that two layers must leave.
 ///
@@ -258,10 +263,34 @@ impl Neighbourhood {
         self.basis.iter().zip(&self.heights).map(|(row, z)| z - value(row, quadric)).collect()
     }
 
+    /// Two layers, `half` above and below a quadric, from the heights over one quadric split at `start`.
+    fn part(&self, single: &[f64], start: f64, half: f64) -> Parted {
+        let mut side: Vec<f64> = single.iter().map(|&height| if height > start { 1.0 } else { -1.0 }).collect();
+        let mut quadric = self.plain;
+        for _ in 0..ROUNDS {
+            let along_sides = solve(&self.factor, weighted_sum(&self.basis, &side));
+            quadric = self.between(&along_sides, half);
+            side = sides(&self.over(&quadric));
+        }
+        let rest = |(height, s): (&f64, &f64)| (height - s * half).powi(2);
+        let left = self.over(&quadric).iter().zip(&side).map(rest).sum();
+        Parted { side, quadric, left }
+    }
+
     /// The quadric less its part along the sides, times `half`: what fits `z − s half` best.
     fn between(&self, along_sides: &[f64; 6], half: f64) -> [f64; 6] {
         std::array::from_fn(|k| self.plain[k] - half * along_sides[k])
     }
+}
+
+/// A neighbourhood parted in two layers of a given distance.
+struct Parted {
+    /// The side of each neighbour.
+    side: Vec<f64>,
+    /// The middle.
+    quadric: [f64; 6],
+    /// Sum of the squared heights over the layers.
+    left: f64,
 }
 
 fn value(row: &[f64; 6], quadric: &[f64; 6]) -> f64 {
@@ -463,14 +492,8 @@ impl Search {
         let half = median(halves);
         let around = Neighbourhood::of(points, own, near)?;
         let single = around.over(&around.plain);
-        let (mut side, mut quadric) = (sides(&single), around.plain);
-        for _ in 0..ROUNDS {
-            let along_sides = solve(&around.factor, weighted_sum(&around.basis, &side));
-            quadric = around.between(&along_sides, half);
-            side = sides(&around.over(&quadric));
-        }
-        let rest = |(height, s): (&f64, &f64)| (height - s * half).powi(2);
-        let left: f64 = around.over(&quadric).iter().zip(&side).map(rest).sum();
+        let parted = STARTS.map(|start| around.part(&single, start * half, half));
+        let Parted { side, quadric, left } = parted.into_iter().min_by(|a, b| a.left.total_cmp(&b.left))?;
         if left > EXPLAINED * single.iter().map(|height| height * height).sum::<f64>() {
             return None;
         }
