@@ -493,3 +493,46 @@ fn root(parent: &mut [u32], mut of: u32) -> u32 {
 
 #[cfg(test)]
 mod tests;
+
+/// Distance, in tolerances, of a crossing of the scan from one of the surface that it explains, besides half the size of that one.
+///
+/// Derived: both sheets of the surface are within one tolerance of those of the scan.
+const EXPLAINED_NEAR: f64 = 3.0;
+
+impl Crossings {
+    /// Leaves out the places where the scan passes through itself, too: its `triangles`, which name `points`.
+    pub fn forgive(&mut self, points: &[[f64; 3]], triangles: &[[u32; 3]], tolerance: f64) {
+        let is_in_scan = |crossing: &Crossing| {
+            let radius = EXPLAINED_NEAR * tolerance + 0.5 * crossing.extent;
+            scan_crosses_near(points, triangles, crossing.place, radius)
+        };
+        self.places.retain(|crossing| !is_in_scan(crossing));
+        self.pairs = self.places.iter().map(|crossing| crossing.pairs).sum();
+    }
+}
+
+/// Whether triangles of a scan within `radius` of a place pass through one another: then a surface that lies on the scan does, too.
+/// `triangles` name `points`; those that name points that are not there are left out.
+fn scan_crosses_near(points: &[[f64; 3]], triangles: &[[u32; 3]], place: [f64; 3], radius: f64) -> bool {
+    let near = |t: &&[u32; 3]| {
+        t.iter().all(|&v| (v as usize) < points.len())
+            && Extent::of(&t.map(|v| points[v as usize]))
+                .overlaps(&Extent { lower: place.map(|x| x - radius), upper: place.map(|x| x + radius) })
+    };
+    let near: Vec<&[u32; 3]> = triangles.iter().filter(near).take(MAX_NEAR).collect();
+    let faces: Vec<Face> = near.iter().map(|t| Face::new(t.map(|v| points[v as usize]))).collect();
+    let round_off = ROUND_OFF * points.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+    (0..faces.len()).any(|i| {
+        (0..i).any(|j| {
+            let apart = !near[i].iter().any(|v| near[j].contains(v));
+            apart
+                && faces[i].extent.overlaps(&faces[j].extent)
+                && common_segment(&faces[i], &faces[j], round_off).is_some()
+        })
+    })
+}
+
+/// Triangles round a place that are compared with one another.
+///
+/// Limit: their pairs are compared, 2 · 10⁶ at most.
+const MAX_NEAR: usize = 2000;

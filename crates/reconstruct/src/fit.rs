@@ -170,15 +170,16 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             points.nrows()
         ));
     }
-    if hsd > FAR * diagonal {
+    let farthest = judgement.deviation.farthest;
+    if farthest > FAR * diagonal {
         let advice = match is_tube_like(&laid_out) {
             true => "two rims are of like length, as those of a tube, which --closed u goes round",
             false => "look at it, and raise --lambda if it swings",
         };
         warnings.push(format!(
-            "the surface leaves the points by up to {hsd:.4e}, {:.1} % of the diagonal: it spans a void or swings out \
+            "the surface leaves the points by up to {farthest:.4e}, {:.1} % of the diagonal: it spans a void or swings out \
              between points; {advice}",
-            100.0 * hsd / diagonal
+            100.0 * farthest / diagonal
         ));
     }
     let at_rim = share_at_rim(map.space());

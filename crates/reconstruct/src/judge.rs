@@ -7,6 +7,7 @@ use deviation::{Deviation, Measured, Reason, Scan, Thresholds, Verdict, tessella
 use fit_ls::{LeastSquares, SortedPoints};
 use moving_param::{Boundary, Constraints, FootPointOptions, MovingFit, foot_points};
 use ndarray::{ArrayView2, Axis};
+use param_classic::triangulate_parameters;
 use thb_core::{CellSpace, HierarchicalSpace, Mark, Refinement, SplineMap};
 
 use crate::Error;
@@ -14,6 +15,9 @@ use crate::Error;
 /// A scan that surfaces are judged against.
 pub(crate) struct Judge<'a> {
     scan: Scan<'a>,
+    /// The points, and triangles over them where the scan is a cloud and has some.
+    points: &'a [[f64; 3]],
+    triangles: &'a [[u32; 3]],
     tolerance: f64,
     thresholds: Thresholds,
 }
@@ -37,18 +41,17 @@ impl Judgement {
 }
 
 impl<'a> Judge<'a> {
-    /// A judge by points, and by the triangles over them if they are what was scanned.
+    /// A judge by points, and by the triangles over them if they are what was scanned. Triangles that were spanned over the points only
+    /// tell where the scan passes through itself.
     pub(crate) fn new(
         points: &'a [[f64; 3]],
-        triangles: Option<&[[u32; 3]]>,
+        triangles: &'a [[u32; 3]],
+        is_mesh: bool,
         tolerance: f64,
         within: f64,
     ) -> Result<Self, Error> {
-        let scan = match triangles {
-            Some(triangles) => Scan::mesh(points, triangles)?,
-            None => Scan::cloud(points)?,
-        };
-        Ok(Self { scan, tolerance, thresholds: Thresholds { within, ..Thresholds::default() } })
+        let scan = if is_mesh && !triangles.is_empty() { Scan::mesh(points, triangles)? } else { Scan::cloud(points)? };
+        Ok(Self { scan, points, triangles, tolerance, thresholds: Thresholds { within, ..Thresholds::default() } })
     }
 
     pub(crate) fn scan(&self) -> &Scan<'a> {
@@ -61,7 +64,16 @@ impl<'a> Judge<'a> {
         map: &SplineMap<2>,
         parameters: Option<ArrayView2<'_, f64>>,
     ) -> Result<Judgement, Error> {
-        let deviation = deviation::measure(map, &self.scan, parameters, self.tolerance, &self.thresholds)?;
+        let mut deviation = deviation::measure(map, &self.scan, parameters, self.tolerance, &self.thresholds)?;
+        if !deviation.crossings.places.is_empty() && !self.scan.is_mesh() {
+            // Points in order have no triangles, but those of their parameters.
+            let in_order = match parameters {
+                Some(parameters) if self.triangles.is_empty() => triangulate_parameters(parameters).unwrap_or_default(),
+                _ => Vec::new(),
+            };
+            let triangles = if self.triangles.is_empty() { &in_order } else { self.triangles };
+            deviation.crossings.forgive(self.points, triangles, self.tolerance);
+        }
         let reasons = self.thresholds.reasons(&deviation);
         Ok(Judgement { deviation, reasons })
     }
