@@ -3,6 +3,7 @@
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 use thb_core::{CellSpace, SplineMap};
 
+use crate::adjacency::Sets;
 use crate::{Error, Tessellation};
 
 /// Triangles of a leaf of the tree of boxes.
@@ -18,7 +19,7 @@ const ROUND_OFF: f64 = 1e-12;
 /// Pairs of crossing triangles after which the search ends.
 ///
 /// Limit: a surface that is crumpled into a heap has as many pairs as triangles, squared.
-const MAX_PAIRS: usize = 100_000;
+const MAX_PAIRS: usize = 20_000;
 
 /// Tests of pairs of triangles after which the search ends.
 ///
@@ -423,20 +424,15 @@ impl Judge<'_> {
     /// Gathers pairs into connected places: pairs with a vertex in common belong together.
     fn gathered(&self, pairs: &[Pair]) -> Result<Vec<Crossing>, Error> {
         let tessellation = self.tessellation;
-        let mut parent: Vec<u32> = (0..tessellation.vertices.len() as u32).collect();
+        let mut sets = Sets::new(tessellation.vertices.len());
+        let first_vertex = |pair: &Pair| tessellation.triangles[pair.triangles[0] as usize][0];
         for pair in pairs {
-            let first = root(&mut parent, tessellation.triangles[pair.triangles[0] as usize][0]);
-            for t in pair.triangles {
-                for v in tessellation.triangles[t as usize] {
-                    let other = root(&mut parent, v);
-                    parent[other as usize] = first;
-                }
+            for v in pair.triangles.into_iter().flat_map(|t| tessellation.triangles[t as usize]) {
+                sets.join(first_vertex(pair), v);
             }
         }
-        let mut members: Vec<(u32, usize)> = Vec::with_capacity(pairs.len());
-        for (k, pair) in pairs.iter().enumerate() {
-            members.push((root(&mut parent, tessellation.triangles[pair.triangles[0] as usize][0]), k));
-        }
+        let mut members: Vec<(u32, usize)> =
+            pairs.iter().enumerate().map(|(k, pair)| (sets.root(first_vertex(pair)), k)).collect();
         members.sort_unstable();
         let point = |t: u32, barycentric: [f64; 3]| {
             let corners = tessellation.corners(t as usize);
@@ -478,16 +474,6 @@ fn solved(rows: [[f64; 3]; 3], right: [f64; 3]) -> Option<[f64; 3]> {
     let determinant = dot(a, cross(b, c));
     let solution = [dot(right, cross(b, c)), dot(a, cross(right, c)), dot(a, cross(b, right))].map(|x| x / determinant);
     solution.iter().all(|x| x.is_finite()).then_some(solution)
-}
-
-/// The representative of a set, with paths halved on the way.
-fn root(parent: &mut [u32], mut of: u32) -> u32 {
-    while parent[of as usize] != of {
-        let above = parent[parent[of as usize] as usize];
-        parent[of as usize] = above;
-        of = above;
-    }
-    of
 }
 
 #[cfg(test)]
