@@ -4,11 +4,12 @@ use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
+use crate::adjacency::Sets;
 use crate::{Error, Tessellation};
 
 /// Triangles of a leaf of the tree of boxes.
 ///
-/// Limit: no result depends on it. Of 2, 4 and 8 the fastest on surfaces of 10⁴ to 10⁵ triangles.
+/// Limit: bounds the number of boxes; no result depends on it.
 const LEAF: usize = 4;
 
 /// Depth that counts as none, as a share of the largest coordinate.
@@ -19,11 +20,11 @@ const ROUND_OFF: f64 = 1e-12;
 /// Pairs of crossing triangles after which the search ends.
 ///
 /// Limit: a surface that is crumpled into a heap has as many pairs as triangles, squared.
-const MAX_PAIRS: usize = 100_000;
+const MAX_PAIRS: usize = 20_000;
 
 /// Tests of pairs of triangles after which the search ends.
 ///
-/// Limit: some seconds. A surface without crossings needs 10 to 30 for each triangle.
+/// Limit: bounds the time for a surface that is crumpled into a heap without crossing pairs.
 const MAX_TESTS: usize = 200_000_000;
 
 /// A connected place where a surface passes through itself.
@@ -170,7 +171,7 @@ impl Stretch {
         for k in 0..3 {
             let next = (k + 1) % 3;
             let t = match (heights[k], heights[next]) {
-                (h, _) if h == 0.0 => 0.0,
+                (0.0, _) => 0.0,
                 (a, b) if a * b < 0.0 => a / (a - b),
                 _ => continue,
             };
@@ -424,20 +425,15 @@ impl Judge<'_> {
     /// Gathers pairs into connected places: pairs with a vertex in common belong together.
     fn gathered(&self, pairs: &[Pair]) -> Result<Vec<Crossing>, Error> {
         let tessellation = self.tessellation;
-        let mut parent: Vec<u32> = (0..tessellation.vertices.len() as u32).collect();
+        let mut sets = Sets::new(tessellation.vertices.len());
+        let first_vertex = |pair: &Pair| tessellation.triangles[pair.triangles[0] as usize][0];
         for pair in pairs {
-            let first = root(&mut parent, tessellation.triangles[pair.triangles[0] as usize][0]);
-            for t in pair.triangles {
-                for v in tessellation.triangles[t as usize] {
-                    let other = root(&mut parent, v);
-                    parent[other as usize] = first;
-                }
+            for v in pair.triangles.into_iter().flat_map(|t| tessellation.triangles[t as usize]) {
+                sets.join(first_vertex(pair), v);
             }
         }
-        let mut members: Vec<(u32, usize)> = Vec::with_capacity(pairs.len());
-        for (k, pair) in pairs.iter().enumerate() {
-            members.push((root(&mut parent, tessellation.triangles[pair.triangles[0] as usize][0]), k));
-        }
+        let mut members: Vec<(u32, usize)> =
+            pairs.iter().enumerate().map(|(k, pair)| (sets.root(first_vertex(pair)), k)).collect();
         members.sort_unstable();
         let point = |t: u32, barycentric: [f64; 3]| {
             let corners = tessellation.corners(t as usize);
@@ -479,16 +475,6 @@ fn solved(rows: [[f64; 3]; 3], right: [f64; 3]) -> Option<[f64; 3]> {
     let determinant = dot(a, cross(b, c));
     let solution = [dot(right, cross(b, c)), dot(a, cross(right, c)), dot(a, cross(b, right))].map(|x| x / determinant);
     solution.iter().all(|x| x.is_finite()).then_some(solution)
-}
-
-/// The representative of a set, with paths halved on the way.
-fn root(parent: &mut [u32], mut of: u32) -> u32 {
-    while parent[of as usize] != of {
-        let above = parent[parent[of as usize] as usize];
-        parent[of as usize] = above;
-        of = above;
-    }
-    of
 }
 
 #[cfg(test)]

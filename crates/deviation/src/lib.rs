@@ -5,10 +5,12 @@
 //! are measured on a [`Tessellation`] with a known chord error. This crate knows surfaces, curves, points and triangles; it does not
 //! know how they were fitted.
 
+mod adjacency;
 mod crossings;
 mod curved;
 mod distances;
 mod error;
+mod folds;
 mod gathered;
 mod measure;
 mod scan;
@@ -16,15 +18,18 @@ mod search;
 mod tessellation;
 #[cfg(test)]
 mod testing;
+mod thickness;
 mod verdict;
 
 pub use crossings::{Crossing, Crossings, self_crossings};
 pub use curved::{CREASE_DEGREES, CurvedTriangles};
 pub use distances::Distances;
 pub use error::Error;
+pub use folds::{Fold, Folds, creases, folds, tilted};
 pub use gathered::{Gathered, Patch};
-pub use measure::{Deviation, Measured, Miss, ScanSide, measure, tessellate};
+pub use measure::{Bend, Deviation, Measured, Miss, ScanSide, measure, tessellate};
 pub use scan::Scan;
 pub use search::distance_across;
 pub use tessellation::Tessellation;
+pub use thickness::{CurvatureRadii, curvature_radii};
 pub use verdict::{Reason, SCAN_NOT_WITHIN, Thresholds, Verdict, verdict};

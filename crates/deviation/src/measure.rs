@@ -9,7 +9,7 @@ use thb_core::SplineMap;
 use crate::gathered::Node;
 use crate::scan::{Cloud, Kind, Mesh, diagonal, for_each_part};
 use crate::search::{Foot, SurfaceSearch};
-use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, self_crossings};
+use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, curvature_radii, self_crossings};
 
 /// Widening of the band between facet and curved triangle: the curved one is no exact surface either.
 ///
@@ -119,10 +119,23 @@ pub struct Deviation {
     /// Area of the surface.
     pub area: f64,
     /// Share of the surface's area whose normal is more than a right angle from those of the scan around it; `null` for a cloud
-    /// without triangles.
+    /// over which no triangles were spanned.
     pub folded: Option<f64>,
     /// Places where the surface passes through itself.
     pub crossings: Crossings,
+    /// How tightly the surface bends: how far it can be offset to either side before it folds.
+    pub bend: Bend,
+}
+
+/// The smallest radii of curvature of a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Bend {
+    /// The smallest one; `null` for a plane.
+    pub smallest_radius: f64,
+    /// Where that is.
+    pub place: [f64; 3],
+    /// One hundredth of the area has smaller ones; `null` for a plane.
+    pub percentile_radius: f64,
 }
 
 /// A place of the scan beyond the tolerance, and where the surface is nearest to it.
@@ -177,7 +190,7 @@ pub fn tessellate(map: &SplineMap<2>, tolerance: f64) -> Result<Tessellation, Er
 }
 
 /// Measures a surface against a scan. `parameters`, one row for each point of the scan, are where searches begin; without them the whole
-/// surface is searched for every place. `triangles` over the points of a cloud tell folds.
+/// surface is searched for every place.
 ///
 /// # Errors
 /// [`Error`].
@@ -215,16 +228,17 @@ impl<'a> Measured<'a> {
         let from_scan = self.scan_side(scan, parameters, tolerance, thresholds);
         let from_surface = match &scan.kind {
             Kind::Mesh(mesh) => self.to_mesh(mesh, tolerance),
-            Kind::Cloud(cloud) => self.to_cloud(cloud, tolerance),
+            Kind::Cloud(cloud) => {
+                let folded = cloud.spanned.as_ref().and_then(|mesh| self.to_mesh(mesh, tolerance).folded);
+                SurfaceSide { folded, ..self.to_cloud(cloud, tolerance) }
+            }
         };
-        let depth = CROSSING_DEPTH * tolerance;
-        let mut crossings = self_crossings(self.map, self.tessellation, depth)?;
-        if let Kind::Mesh(mesh) = &scan.kind {
-            crossings.forgive(scan.points, mesh.curved.triangles(), tolerance);
-        }
+        let mut crossings = self.crossings(scan, tolerance)?;
         crossings.places.truncate(LISTED_CROSSINGS);
+        let radii = curvature_radii(self.map, self.tessellation)?;
         Ok(Deviation {
             crossings,
+            bend: Bend { smallest_radius: radii.smallest, place: radii.place, percentile_radius: radii.percentile },
             scan: if scan.is_mesh() { "mesh" } else { "cloud" },
             tolerance,
             scan_to_surface: from_scan.distances,
@@ -242,6 +256,20 @@ impl<'a> Measured<'a> {
             area: from_surface.area,
             folded: from_surface.folded,
         })
+    }
+
+    /// The places where the surface passes through itself and the scan does not, the largest first.
+    ///
+    /// # Errors
+    /// [`Error::Space`].
+    pub fn crossings(&self, scan: &Scan<'_>, tolerance: f64) -> Result<Crossings, Error> {
+        let mut crossings = self_crossings(self.map, self.tessellation, CROSSING_DEPTH * tolerance)?;
+        let triangles = match &scan.kind {
+            Kind::Mesh(mesh) => mesh.curved.triangles(),
+            Kind::Cloud(cloud) => cloud.spanned.as_ref().map_or(&[][..], |mesh| mesh.curved.triangles()),
+        };
+        crossings.forgive(scan.points, triangles, tolerance);
+        Ok(crossings)
     }
 
     /// The measures from the scan to the surface alone.

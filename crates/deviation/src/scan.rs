@@ -52,6 +52,8 @@ pub(crate) struct Cloud<'a> {
     pub(crate) spacing: Vec<f64>,
     /// Weight of each point in shares and means: the square of its spacing, which is at most three medians.
     pub(crate) weights: Vec<f64>,
+    /// Triangles over the points that are no scan, but tell which way it faces.
+    pub(crate) spanned: Option<Box<Mesh>>,
 }
 
 impl<'a> Scan<'a> {
@@ -67,7 +69,20 @@ impl<'a> Scan<'a> {
         let mut sorted = spacing.clone();
         let median = *sorted.select_nth_unstable_by(points.len() / 2, f64::total_cmp).1;
         let weights = spacing.iter().map(|s| s.min(MAX_SPACING * median).powi(2)).collect();
-        Ok(Self { points, kind: Kind::Cloud(Cloud { tree, spacing, weights }), diagonal: diagonal(points) })
+        Ok(Self {
+            points,
+            kind: Kind::Cloud(Cloud { tree, spacing, weights, spanned: None }),
+            diagonal: diagonal(points),
+        })
+    }
+
+    /// The same with triangles that were spanned over the points: they tell where a surface is folded, and where the scan passes through
+    /// itself; distances are to the points alone. Nothing changes for a mesh, nor by triangles without area.
+    pub fn with_spanned(mut self, triangles: &[[u32; 3]]) -> Self {
+        if let Kind::Cloud(cloud) = &mut self.kind {
+            cloud.spanned = Mesh::new(self.points, triangles).map(Box::new);
+        }
+        self
     }
 
     /// A mesh, whose triangles name `points`. One without area is a cloud.
@@ -75,29 +90,8 @@ impl<'a> Scan<'a> {
     /// # Errors
     /// [`CloudError::TooFewPoints`].
     pub fn mesh(points: &'a [[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self, CloudError> {
-        let curved = CurvedTriangles::new(points.to_vec(), triangles.to_vec());
-        let area: f64 = curved.areas().iter().sum();
-        if area <= 0.0 {
-            return Self::cloud(points);
-        }
-        let corners: Vec<[[f64; 3]; 3]> = (0..triangles.len()).map(|t| curved.corners(t)).collect();
-        let mut used: HashMap<(u32, u32), u32> = HashMap::with_capacity(3 * triangles.len() / 2);
-        let side = |t: &[u32; 3], k: usize| {
-            let (a, b) = (t[(k + 1) % 3], t[(k + 2) % 3]);
-            (a.min(b), a.max(b))
-        };
-        triangles.iter().for_each(|t| (0..3).for_each(|k| *used.entry(side(t, k)).or_insert(0) += 1));
-        let rim_sides: Vec<[bool; 3]> =
-            triangles.iter().map(|t| std::array::from_fn(|k| used[&side(t, k)] == 1)).collect();
-        let mut rim_vertices = vec![false; points.len()];
-        for (t, rim) in triangles.iter().zip(&rim_sides) {
-            for k in (0..3).filter(|&k| rim[k]) {
-                rim_vertices[t[(k + 1) % 3] as usize] = true;
-                rim_vertices[t[(k + 2) % 3] as usize] = true;
-            }
-        }
-        let mesh = Mesh { tree: TriangleTree::new(&corners), curved, rim_sides, rim_vertices, area };
-        let used: Vec<[f64; 3]> = corners.iter().flatten().copied().collect();
+        let Some(mesh) = Mesh::new(points, triangles) else { return Self::cloud(points) };
+        let used: Vec<[f64; 3]> = triangles.iter().flatten().filter_map(|&v| points.get(v as usize)).copied().collect();
         Ok(Self { points, kind: Kind::Mesh(Box::new(mesh)), diagonal: diagonal(&used) })
     }
 
@@ -150,6 +144,35 @@ impl<'a> Scan<'a> {
 }
 
 impl Mesh {
+    /// `None` without area. Triangles that name points that are not there are left out.
+    fn new(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Option<Self> {
+        let known = |t: &&[u32; 3]| t.iter().all(|&v| (v as usize) < points.len());
+        let triangles: Vec<[u32; 3]> = triangles.iter().filter(known).copied().collect();
+        let curved = CurvedTriangles::new(points.to_vec(), triangles);
+        let triangles = curved.triangles();
+        let area: f64 = curved.areas().iter().sum();
+        if area <= 0.0 {
+            return None;
+        }
+        let corners: Vec<[[f64; 3]; 3]> = (0..triangles.len()).map(|t| curved.corners(t)).collect();
+        let mut used: HashMap<(u32, u32), u32> = HashMap::with_capacity(3 * triangles.len() / 2);
+        let side = |t: &[u32; 3], k: usize| {
+            let (a, b) = (t[(k + 1) % 3], t[(k + 2) % 3]);
+            (a.min(b), a.max(b))
+        };
+        triangles.iter().for_each(|t| (0..3).for_each(|k| *used.entry(side(t, k)).or_insert(0) += 1));
+        let rim_sides: Vec<[bool; 3]> =
+            triangles.iter().map(|t| std::array::from_fn(|k| used[&side(t, k)] == 1)).collect();
+        let mut rim_vertices = vec![false; points.len()];
+        for (t, rim) in triangles.iter().zip(&rim_sides) {
+            for k in (0..3).filter(|&k| rim[k]) {
+                rim_vertices[t[(k + 1) % 3] as usize] = true;
+                rim_vertices[t[(k + 2) % 3] as usize] = true;
+            }
+        }
+        Some(Self { tree: TriangleTree::new(&corners), curved, rim_sides, rim_vertices, area })
+    }
+
     /// Parts that each side of a triangle is cut into.
     pub(crate) fn parts_per_side(&self, triangle: usize) -> usize {
         let parts = (self.curved.areas()[triangle] / (LARGEST_PART * self.area)).sqrt().ceil() as usize;

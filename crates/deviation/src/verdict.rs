@@ -160,11 +160,13 @@ impl Thresholds {
         let crossings = &deviation.crossings;
         if let Some(crossing) = crossings.places.first() {
             let text = format!(
-                "the surface passes through itself, {:.1} tolerances deep along {:.1}",
+                "the surface passes through itself, {:.2} tolerances deep along {:.1}",
                 crossing.depth / tolerance,
                 crossing.extent / tolerance
             );
-            add("crosses-itself", Verdict::Failed, crossings.pairs as f64, 0.0, Some(crossing.place), text);
+            // Loops below the tolerance are smaller than what any measure at that tolerance resolves.
+            let verdict = if crossing.extent > tolerance { Verdict::Failed } else { Verdict::Usable };
+            add("crosses-itself", verdict, crossing.extent, tolerance, Some(crossing.place), text);
         }
         if let Some(folded) = deviation.folded.filter(|&folded| folded > self.folded) {
             let text = format!("{:.2} % of the surface's area are folded over", 100.0 * folded);

@@ -216,7 +216,8 @@ fn fit_scan(
     watch: &mut Watch<'_>,
 ) -> Result<Attempt, Error> {
     let places = rows_of(problem.points);
-    let judge = Judge::new(&places, problem.triangles, problem.is_mesh, problem.tolerance, options.within)?;
+    let judge =
+        Judge::new(&places, problem.triangles, problem.is_mesh, problem.parameters, problem.tolerance, options.within)?;
     let by_points = problem.is_given || options.samples == Samples::Vertices || options.reweighting.is_asked_for();
     let dense = judge
         .scan()
@@ -426,7 +427,8 @@ fn judgement(
     let places = rows_of(problem.points.select(Axis(0), kept).view());
     let among = triangles_among(problem.triangles, kept, problem.points.nrows());
     let parameters = fitted.parameters.select(Axis(0), kept);
-    Judge::new(&places, &among, problem.is_mesh, problem.tolerance, within)?.judge(&fitted.map, Some(parameters.view()))
+    Judge::new(&places, &among, problem.is_mesh, parameters.view(), problem.tolerance, within)?
+        .judge(&fitted.map, Some(parameters.view()))
 }
 
 /// The triangles of which all corners are among some points, by their places there.

@@ -12,12 +12,14 @@ use thb_core::{CellSpace, HierarchicalSpace, Mark, Refinement, SplineMap};
 
 use crate::Error;
 
+/// Points in order up to which triangles are spanned over their parameters.
+///
+/// Limit: a triangulation takes a second for a million points; folds of such grids are not told.
+const MOST_IN_ORDER: usize = 100_000;
+
 /// A scan that surfaces are judged against.
 pub(crate) struct Judge<'a> {
     scan: Scan<'a>,
-    /// The points, and triangles over them where the scan is a cloud and has some.
-    points: &'a [[f64; 3]],
-    triangles: &'a [[u32; 3]],
     tolerance: f64,
     thresholds: Thresholds,
 }
@@ -41,17 +43,24 @@ impl Judgement {
 }
 
 impl<'a> Judge<'a> {
-    /// A judge by points, and by the triangles over them if they are what was scanned. Triangles that were spanned over the points only
-    /// tell where the scan passes through itself.
+    /// A judge by points, and by the triangles over them if they are what was scanned. Triangles that were spanned over the points tell
+    /// folds and where the scan passes through itself; points in order have those of their parameters.
     pub(crate) fn new(
         points: &'a [[f64; 3]],
-        triangles: &'a [[u32; 3]],
+        triangles: &[[u32; 3]],
         is_mesh: bool,
+        parameters: ArrayView2<'_, f64>,
         tolerance: f64,
         within: f64,
     ) -> Result<Self, Error> {
-        let scan = if is_mesh && !triangles.is_empty() { Scan::mesh(points, triangles)? } else { Scan::cloud(points)? };
-        Ok(Self { scan, points, triangles, tolerance, thresholds: Thresholds { within, ..Thresholds::default() } })
+        let scan = if is_mesh && !triangles.is_empty() {
+            Scan::mesh(points, triangles)?
+        } else if triangles.is_empty() && points.len() <= MOST_IN_ORDER {
+            Scan::cloud(points)?.with_spanned(&triangulate_parameters(parameters).unwrap_or_default())
+        } else {
+            Scan::cloud(points)?.with_spanned(triangles)
+        };
+        Ok(Self { scan, tolerance, thresholds: Thresholds { within, ..Thresholds::default() } })
     }
 
     pub(crate) fn scan(&self) -> &Scan<'a> {
@@ -64,23 +73,14 @@ impl<'a> Judge<'a> {
         map: &SplineMap<2>,
         parameters: Option<ArrayView2<'_, f64>>,
     ) -> Result<Judgement, Error> {
-        let mut deviation = deviation::measure(map, &self.scan, parameters, self.tolerance, &self.thresholds)?;
-        if !deviation.crossings.places.is_empty() && !self.scan.is_mesh() {
-            // Points in order have no triangles, but those of their parameters.
-            let in_order = match parameters {
-                Some(parameters) if self.triangles.is_empty() => triangulate_parameters(parameters).unwrap_or_default(),
-                _ => Vec::new(),
-            };
-            let triangles = if self.triangles.is_empty() { &in_order } else { self.triangles };
-            deviation.crossings.forgive(self.points, triangles, self.tolerance);
-        }
+        let deviation = deviation::measure(map, &self.scan, parameters, self.tolerance, &self.thresholds)?;
         let reasons = self.thresholds.reasons(&deviation);
         Ok(Judgement { deviation, reasons })
     }
 
     /// The places of a surface nearest to parts of the scan for which it is to be refined, worst first: all parts beyond the
     /// tolerance where less than the share `within` of the scan's area is within it, those of patches of misses where
-    /// these are too large, none else.
+    /// these are too large; where all that is well, the places at which the surface passes through itself.
     fn missed(&self, map: &SplineMap<2>, parameters: ArrayView2<'_, f64>, within: f64) -> Result<Vec<Mark>, Error> {
         let tessellation = tessellate(map, self.tolerance)?;
         let measured = Measured::new(map, &tessellation)?;
@@ -98,6 +98,16 @@ impl<'a> Judge<'a> {
             if seen.insert((miss.cell, child)) {
                 marks.push(Mark { cell: miss.cell, child: Some(child) });
             }
+        }
+        if marks.is_empty() {
+            // Two sheets that pass through one another may have room enough between them, once they are nearer to the scan.
+            for crossing in measured.crossings(&self.scan, self.tolerance)?.places {
+                for u in crossing.parameters {
+                    marks.push(Mark::whole(map.space().locate_cell(map.space().to_domain(u))?));
+                }
+            }
+            marks.sort_by_key(|mark| mark.cell);
+            marks.dedup();
         }
         Ok(marks)
     }

@@ -222,7 +222,7 @@ fn tubes_spheres_and_cones_do_not_cross() {
             let map = if case % 2 == 1 { refined_at_random(&map, &mut random) } else { map };
             let (map, _) = moved(&map, &mut random);
             for share in [3e-3, 2e-4] {
-                assert_eq!(crossings(&map, share, 1e-9).places, [], "case {case}, shape {k}, share {share}");
+                assert_eq!(crossings(&map, share, 0.0).places, [], "case {case}, shape {k}, share {share}");
             }
         }
     }
@@ -258,7 +258,7 @@ fn thin_blades_and_bands_that_nearly_touch_do_not_cross() {
             (false, interpolated([48, 3], [false, false], band)),
         ] {
             let (map, _) = moved(&map, &mut random);
-            let found = crossings(&map, share, 1e-9);
+            let found = crossings(&map, share, 0.0);
             assert_eq!(found.places, [], "case {case}, closed {closed}, share {share}, chords {chords}");
         }
     }
