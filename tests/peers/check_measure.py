@@ -16,6 +16,10 @@ from OCP.gp import gp_Ax2, gp_Circ, gp_Dir, gp_Pln, gp_Pnt
 from OCP.Message import Message
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
+
+# Compiled modules name the folders of the machine; `cargo xtask tidy` would find them.
+sys.dont_write_bytecode = True
+
 from measure_step import measure
 from meter import facets
 from meter.scans import read_scan

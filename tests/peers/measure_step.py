@@ -27,9 +27,13 @@ JSON object. Lengths are in the unit of the files, shares from 0 to 1.
 
 import argparse
 import json
+import sys
 import time
 
 import numpy as np
+
+# Compiled modules name the folders of the machine; `cargo xtask tidy` would find them.
+sys.dont_write_bytecode = True
 
 from meter.crossings import self_crossings
 from meter.judge import judge_cloud, judge_mesh

@@ -377,6 +377,27 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Every scan of a surface, fitted with the defaults: reported figures beside those of tests/peers/measure_step.py.
+    Truth {
+        /// A folder with the scans, by the names in xtask/src/tables/truth/files.rs; without it nothing is fitted.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// A Python interpreter with the packages of tests/peers/requirements.txt.
+        #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+        python: PathBuf,
+        /// Fit only files whose names contain this.
+        #[arg(long, value_name = "NAME")]
+        only: Option<String>,
+        /// Take rows of this commit that are finished from the file of `--cache`, also of files that `--only` leaves out.
+        #[arg(long)]
+        resume: bool,
+        /// The file of finished rows, target/truth.jsonl by default; surfaces are written to a folder beside it.
+        #[arg(long, value_name = "FILE")]
+        cache: Option<PathBuf>,
+        /// The file to write, docs/results/truth.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
 }
 
 #[expect(clippy::print_stdout, reason = "a command-line program reports to its user")]
@@ -397,6 +418,16 @@ fn main() -> Result<()> {
             let out = out.unwrap_or_else(|| root.join(FIGURES));
             let paths = tables::moving::write_figures(&figures, &out)?;
             paths.iter().for_each(|path| println!("{}", path.display()));
+        }
+        Arguments::Tables(Tables::Truth { data: None, .. }) => println!("the table needs --data DIR and was not made"),
+        Arguments::Tables(Tables::Truth { data: Some(data), python, only, resume, cache, out }) => {
+            let cache = cache.unwrap_or_else(|| root.join("target/truth.jsonl"));
+            let truth =
+                tables::truth::Truth { data: &data, python: &python, only: only.as_deref(), cache: &cache, resume };
+            let text = tables::truth::document(&truth, &mut |line| println!("{line}"))?;
+            let path = out.unwrap_or_else(|| root.join("docs/results/truth.md"));
+            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            println!("{}", path.display());
         }
         Arguments::Tables(tables) => {
             let (page, out, missing, text) = match tables {
@@ -438,6 +469,7 @@ fn main() -> Result<()> {
                     let missing = data.is_none().then_some("measured clouds need --data DIR and were left out");
                     ("rwls", out, missing, tables::rwls::document(data.as_deref())?)
                 }
+                Tables::Truth { .. } => unreachable!("handled above"),
                 Tables::Classical { data, out } => {
                     let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
                     ("classical", out, missing, tables::classical::document(data.as_deref())?)

@@ -329,7 +329,14 @@ impl<'a> Measured<'a> {
             });
             parts
         };
-        let parts: Vec<Part> = (0..mesh.curved.areas().len()).into_par_iter().flat_map_iter(of_triangle).collect();
+        let mut parts: Vec<Part> = (0..mesh.curved.areas().len()).into_par_iter().flat_map_iter(of_triangle).collect();
+        // Vertices have no area, but may be the farthest places.
+        let of_vertex = |&v: &u32| {
+            let place = mesh.curved.vertices()[v as usize];
+            let foot = self.search.nearest(place, parameter(v), tolerance);
+            Part { place, foot, distance: foot.distance, area: 0.0, beyond_rim: false, cosine: 1.0, side: 0.0 }
+        };
+        parts.par_extend(mesh.used.par_iter().map(of_vertex));
         let reach = |part: &Part| REACH * EDGE_OF_AREA * part.area.sqrt();
         // The surface's normals may all run against the scan's.
         let turned = parts.iter().map(|part| part.area * part.cosine).sum::<f64>() < 0.0;
@@ -489,7 +496,7 @@ struct SurfaceSide {
 fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds: &Thresholds) -> ScanSide {
     let total = sum(parts.iter().map(|part| part.area));
     let beyond = sum(parts.iter().filter(|part| part.beyond_rim).map(|part| part.area));
-    let missing: Vec<&Part> = parts.iter().filter(|part| part.distance > tolerance).collect();
+    let missing: Vec<&Part> = parts.iter().filter(|part| part.distance > tolerance && part.area > 0.0).collect();
     let nodes: Vec<Node> = missing
         .iter()
         .map(|part| Node { place: part.place, distance: part.distance, weight: part.area, reach: reach(part) })

@@ -42,6 +42,8 @@ pub(crate) struct Mesh {
     /// Whether the side of each triangle opposite to a corner belongs to no other triangle.
     rim_sides: Vec<[bool; 3]>,
     rim_vertices: Vec<bool>,
+    /// Vertices of triangles, increasing.
+    pub(crate) used: Vec<u32>,
     pub(crate) area: f64,
 }
 
@@ -155,14 +157,14 @@ impl Mesh {
             return None;
         }
         let corners: Vec<[[f64; 3]; 3]> = (0..triangles.len()).map(|t| curved.corners(t)).collect();
-        let mut used: HashMap<(u32, u32), u32> = HashMap::with_capacity(3 * triangles.len() / 2);
+        let mut sides: HashMap<(u32, u32), u32> = HashMap::with_capacity(3 * triangles.len() / 2);
         let side = |t: &[u32; 3], k: usize| {
             let (a, b) = (t[(k + 1) % 3], t[(k + 2) % 3]);
             (a.min(b), a.max(b))
         };
-        triangles.iter().for_each(|t| (0..3).for_each(|k| *used.entry(side(t, k)).or_insert(0) += 1));
+        triangles.iter().for_each(|t| (0..3).for_each(|k| *sides.entry(side(t, k)).or_insert(0) += 1));
         let rim_sides: Vec<[bool; 3]> =
-            triangles.iter().map(|t| std::array::from_fn(|k| used[&side(t, k)] == 1)).collect();
+            triangles.iter().map(|t| std::array::from_fn(|k| sides[&side(t, k)] == 1)).collect();
         let mut rim_vertices = vec![false; points.len()];
         for (t, rim) in triangles.iter().zip(&rim_sides) {
             for k in (0..3).filter(|&k| rim[k]) {
@@ -170,7 +172,10 @@ impl Mesh {
                 rim_vertices[t[(k + 2) % 3] as usize] = true;
             }
         }
-        Some(Self { tree: TriangleTree::new(&corners), curved, rim_sides, rim_vertices, area })
+        let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        Some(Self { tree: TriangleTree::new(&corners), curved, rim_sides, rim_vertices, used, area })
     }
 
     /// Parts that each side of a triangle is cut into.

@@ -13,4 +13,5 @@ pub mod pargcn;
 pub mod qi;
 pub mod rwls;
 mod shapes;
+pub mod truth;
 mod voids;
