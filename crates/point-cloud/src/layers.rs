@@ -75,10 +75,12 @@ const MOST_VALLEY: f64 = 0.5;
 /// with spreads of 0.35 to 2.8 where they exceed 3.7.
 const NEAR_LAYERS: (f64, f64) = (3.78, 0.25);
 
-/// The same for layers that are well apart, whose distance may vary, as where one was turned against the other.
+/// The same for layers that are well apart, whose distance may vary, as where one was turned against the other, or where the split
+/// of a part without noise finds some small distance.
 ///
-/// Calibrated: shifted layers have 4.2 to 6.3 and a spread up to 0.53.
-const FAR_LAYERS: (f64, f64) = (4.5, 0.6);
+/// Calibrated: shifted layers have 4.2 to 6.3 and a spread up to 0.53, exact ones 60 and more and up to 0.7; all single layers stay
+/// below 3.9 but for rounded ones.
+const FAR_LAYERS: [(f64, f64); 2] = [(4.5, 0.6), (8.0, 1.0)];
 
 /// Largest distance that the split finds outside, as a share of that inside, where outside is half of the points or more.
 ///
@@ -417,7 +419,8 @@ impl Evidence {
         self.share >= LEAST_SHARE
             && self.valley <= MOST_VALLEY
             && self.spacings <= MOST_SPACINGS
-            && (self.exceeds(FAR_LAYERS) || self.exceeds(NEAR_LAYERS) && self.contrast <= MOST_CONTRAST)
+            && (FAR_LAYERS.into_iter().any(|far| self.exceeds(far))
+                || self.exceeds(NEAR_LAYERS) && self.contrast <= MOST_CONTRAST)
     }
 }
 

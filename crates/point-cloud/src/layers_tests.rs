@@ -82,7 +82,7 @@ fn norm_of(a: [f64; 3]) -> f64 {
 fn planted_layers_are_found_with_their_distance_and_the_points_go_to_the_middle() {
     let mut seed = 0;
     for surface in SURFACES {
-        for (m, sigma) in [(1500, 0.03), (3000, 0.1), (4500, 0.05)] {
+        for (m, sigma) in [(1500, 0.1), (3000, 0.1), (4500, 0.05)] {
             for overlap in [0.3, 0.6, 1.0] {
                 for separation in [4.0, 6.0, 12.0] {
                     seed += 1;

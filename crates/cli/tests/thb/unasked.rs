@@ -113,7 +113,7 @@ fn tubes_close_and_sheets_with_a_hole_do_not() {
         let report = lab.json("r.json");
         assert!(warns(&report, "a tube by its shape"), "{what}: {}", report["warnings"]);
         assert!(!report["parameterization"]["seam"].is_null(), "{what}");
-        lab.succeeds("param tube.xyz --closed u -o q.csv");
+        lab.succeeds("param tube.xyz --closed u -o q.csv --report s.json");
         assert_eq!(lab.text("p.csv"), lab.text("q.csv"), "{what}");
     }
     lab.succeeds("fit tube.xyz --tol 0.5% -o t.json --report r.json");
