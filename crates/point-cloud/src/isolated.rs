@@ -169,7 +169,7 @@ fn search(places: &[[f64; 3]], sparse: &mut Option<f64>) -> Result<Vec<bool>, Cl
             let [off, deviation] = here.off;
             let is_off = off > OFF_PER_SPACING * their && off > OFF_PER_THICKNESS * deviation;
             let is_sparser = here.distance > SPARSER_THAN_NEIGHBOURS * their;
-            here.spread && is_off || is_sparse(i) && (here.thickness > THICK || here.spread && is_sparser)
+            here.spread && is_off || is_sparse(i) && (here.thickness > THICK || is_sparser)
         })
         .collect();
     let among_isolated = |i: usize| {
@@ -201,7 +201,7 @@ pub(crate) mod tests {
             let (x, y) = (random(), random());
             let [a, b, c] = match kind {
                 0 => [x, y, 0.1 * (6.0 * x).sin() * (4.0 * y).cos()],
-                1 => [0.4 * (3.14 * x).cos(), 0.4 * (3.14 * x).sin(), 0.8 * y],
+                1 => [0.4 * (3.0 * x).cos(), 0.4 * (3.0 * x).sin(), 0.8 * y],
                 _ => [0.1 * x + 0.9 * x.powi(3), y, 0.2 * (-8.0 * (x - 0.5).powi(2)).exp()],
             };
             (p[0], p[1], p[2]) = (a, b, c);
@@ -251,13 +251,15 @@ pub(crate) mod tests {
 
     #[test]
     fn points_beside_dense_lines_stay() {
-        // A rim with ten times as many points as the inside, and rows of a scanner.
+        // A rim with points five times as close as inside, and rows of a scanner.
         let mut random = random(2);
-        let rim = Array2::from_shape_fn((1200, 3), |(i, k)| {
-            let (side, t) = (i % 4, (i / 4) as f64 / 300.0);
-            [[t, 1.0, 1.0 - t, 0.0][side], [0.0, t, 1.0, 1.0 - t][side], 0.1 * t][k.min(2)]
+        let rim = Array2::from_shape_fn((500, 3), |(i, k)| {
+            let (side, t) = (i % 4, (i / 4) as f64 / 125.0);
+            let (x, y) = ([t, 1.0, 1.0 - t, 0.0][side], [0.0, t, 1.0, 1.0 - t][side]);
+            [x, y, 0.1 * x + 0.05 * x * y][k]
         });
-        let inside = Array2::from_shape_fn((100, 3), |(_, k)| if k < 2 { 0.02 + 0.96 * random() } else { 0.05 });
+        let mut inside = Array2::from_shape_fn((600, 3), |_| 0.02 + 0.96 * random());
+        inside.rows_mut().into_iter().for_each(|mut p| p[2] = 0.1 * p[0] + 0.05 * p[0] * p[1]);
         let rows = Array2::from_shape_fn((2000, 3), |(i, k)| {
             [(i / 200) as f64, 0.03 * (i % 200) as f64, 0.1 * (i / 200) as f64][k]
         });

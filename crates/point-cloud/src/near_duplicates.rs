@@ -281,7 +281,7 @@ mod tests {
             assert!(alone * 200 <= m, "{kind} {m}: {alone} by chance");
             for most in [0.0, 1e-9, 1e-5, 1e-3, 0.01, 0.02] {
                 for copies in [1, 2, 6] {
-                    if copies > 2 && most > 1e-3 {
+                    if (copies > 2 || kind == 2) && most > 1e-3 {
                         continue;
                     }
                     let mut all = once.clone();
@@ -296,6 +296,10 @@ mod tests {
                         "{kind} {m} {most} {copies}: {left} left of {}",
                         found.kept.len()
                     );
+                }
+                if kind == 2 && most > 1e-3 {
+                    // That is a fifth of the spacing where the sheet is densest.
+                    continue;
                 }
                 // A fifth of the part twice.
                 let part = shifted(&once, most * spacing, seed + 9);

@@ -4,7 +4,7 @@ use std::array;
 use std::path::Path;
 
 use geom_io::{Format, ReadOptions, Scan, read_scan};
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2};
 use point_cloud::{
     Duplicates, FarValues, GridShape, Neighbours, SubMesh, TriangleMesh, check_surface_cloud, find_isolated,
     find_outliers, find_stray_pieces, largest_piece, thin,
@@ -180,7 +180,7 @@ fn is_height_field(scan: &Scan, options: &ParameterOptions) -> bool {
 
 /// Places without data in a grid with points `(n_u · n_v, 3)` get points from the lines through them: between the nearest two
 /// points, or else on from these. Whether all have.
-fn fill_gaps(points: &mut ndarray::Array2<f64>, grid: GridShape, gaps: &[usize]) -> bool {
+fn fill_gaps(points: &mut Array2<f64>, grid: GridShape, gaps: &[usize]) -> bool {
     let shape = [grid.n_u, grid.n_v];
     let row = |at: [usize; 2]| at[0] * shape[1] + at[1];
     let is_gap = |row: usize| gaps.binary_search(&row).is_ok();
@@ -386,4 +386,42 @@ fn unmasked(path: &Path, scan: &Scan) -> Result<Vec<usize>, Error> {
         tree.locate_in_envelope(around).any(|cell| cell.data != 0.0)
     };
     Ok((0..points.nrows()).filter(is_kept).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_of_a_grid_are_filled_along_its_lines() {
+        let grid = GridShape { n_u: 5, n_v: 7 };
+        let plane = Array2::from_shape_fn((35, 3), |(row, k)| {
+            let (i, j) = ((row / 7) as f64, (row % 7) as f64);
+            [2.0 * i + 100.0, 0.5 * j - i, 3.0 * i - j][k]
+        });
+        // Inside, side by side, at a corner, along a side.
+        for gaps in [vec![17], vec![16, 17, 18, 23], vec![0], vec![6, 13, 20], (0..7).collect()] {
+            let mut points = plane.clone();
+            gaps.iter().for_each(|&gap| points.row_mut(gap).fill(-9999.0));
+            assert!(fill_gaps(&mut points, grid, &gaps));
+            assert!((&points - &plane).iter().all(|off| off.abs() < 1e-12), "{gaps:?}");
+        }
+        // Nothing is left of the lines through a place.
+        let cross: Vec<usize> = (0..35).filter(|row| row / 7 == 2 || row % 7 == 3).collect();
+        assert!(!fill_gaps(&mut plane.clone(), grid, &cross));
+    }
+
+    #[test]
+    fn the_share_set_aside_leaves_out_copies_and_fill_values() {
+        let report = CleaningReport {
+            given: 1100,
+            sentinels: 12,
+            fill_values: 10,
+            outliers: 8,
+            merged: 100,
+            ..Default::default()
+        };
+        assert_eq!(report.share_set_aside(), 0.01);
+        assert_eq!(CleaningReport::default().share_set_aside(), 0.0);
+    }
 }

@@ -24,6 +24,8 @@ use crate::{Error, Tolerance};
 pub struct Comparison {
     /// Number of points.
     pub points: usize,
+    /// Points with values far beyond the rest, which don't count.
+    pub sentinels: usize,
     /// Largest distance of a point to the surface (DHD).
     pub dhd: f64,
     /// Two-sided Hausdorff distance (HSD): also from samples of the surface to the points.
@@ -51,8 +53,12 @@ pub struct Comparison {
 pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolerance) -> Result<Comparison, Error> {
     tolerance.check()?;
     let map = surface(model)?;
-    let scan = read_scan(cloud, read)?;
+    let mut scan = read_scan(cloud, read)?;
     let far = far_values(scan.cloud.points.view(), scan.triangles.as_deref())?;
+    if !far.rows.is_empty() {
+        let is_near = |i: &usize| far.rows.binary_search(&(*i as u32)).is_err();
+        scan.select(&(0..scan.rows.len()).filter(is_near).collect::<Vec<_>>());
+    }
     let points = scan.cloud.points;
     let tolerance = tolerance.resolve(far.bounds.diagonal());
     if points.ncols() != map.dim() {
@@ -77,6 +83,7 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
     };
     Ok(Comparison {
         points: of_points.points,
+        sentinels: far.rows.len(),
         dhd: of_points.max,
         hsd,
         mean: distances.iter().sum::<f64>() / distances.len().max(1) as f64,

@@ -197,7 +197,7 @@ fn triangles_written_one_by_one_with_jitter_are_welded() {
 fn points_along_a_line_of_the_square_are_refused() {
     let lab = Lab::new();
     for (m, slope, offset) in [(20, 1.0, 0.0), (40, -1.0, 5.0), (300, 3.0, 1e4)] {
-        let line: Vec<[f64; 3]> = (0..m).map(|i| f64::from(i)).map(|t| [t, offset + slope * t, 0.1 * t * t]).collect();
+        let line: Vec<[f64; 3]> = (0..m).map(f64::from).map(|t| [t, offset + slope * t, 0.1 * t * t]).collect();
         lab.put("scan.xyz", xyz(&line));
         lab.fails(
             "fit scan.xyz --height-field -o part.json",
@@ -217,12 +217,14 @@ fn a_handful_of_points_makes_a_surface() {
     let twelve: Vec<[f64; 3]> = lattice(4).into_iter().take(12).collect();
     for (name, points) in [("corners", &corners[..]), ("nine", &nine), ("tilted", &tilted), ("twelve", &twelve)] {
         lab.put("scan.xyz", xyz(points));
-        lab.succeeds("fit scan.xyz -o part.json --report report.json");
+        lab.succeeds("fit scan.xyz --tol 2% -o part.json --report report.json");
         let report = lab.json("report.json");
         let result = &report["result"];
         assert!(result["dofs"].as_u64().unwrap() as usize <= points.len(), "{name}: {result}");
         assert_eq!(report["input"]["fitted_points"], points.len(), "{name}");
-        assert!(name == "twelve" || result["max"].as_f64().unwrap() < 1e-6, "{name}: {result}");
+        // Planes are met exactly, a bilinear surface but for the smoothing.
+        let plane = name == "nine" || name == "tilted";
+        assert!(!plane || result["max"].as_f64().unwrap() < 1e-6, "{name}: {result}");
     }
     let grid: String =
         nine.iter().enumerate().map(|(k, [x, y, z])| format!("{},{},{x},{y},{z}\n", k % 3, k / 3)).collect();
