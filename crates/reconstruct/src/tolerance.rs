@@ -195,7 +195,7 @@ mod tests {
             let [u, v] = [i % 20, i / 20].map(|k| k as f64 / 19.0);
             [u, v, 0.3 * u + 0.1 * v][k]
         });
-        let uv = plane.slice(ndarray::s![.., ..2]);
+        let uv = plane.slice_axis(ndarray::Axis(1), (..2).into());
         let found = ScanMeasures::of(plane.view(), uv, &[], [false; 2], 1.5).unwrap().tolerance();
         assert_eq!((found.value, found.rule), (1.5e-3, ToleranceRule::Diagonal));
         assert!(hint(plane.view(), 1e-9).unwrap().is_none());

@@ -4,6 +4,7 @@ use ndarray::{Array2, array};
 use proptest::prelude::*;
 
 use super::*;
+use deviation::Verdict;
 use crate::{LambdaChoice, Mark, Method, Tolerance};
 
 fn curve(count: usize, point: impl Fn(f64) -> [f64; 2]) -> Array2<f64> {
