@@ -93,21 +93,22 @@ pub(super) fn of_cloud_unasked(
         return None;
     }
     let points = cloud.points.view();
-    let spanned = match found {
-        Ok(found) if found.holes.is_empty() => return None,
-        Ok(found) => {
-            let (disk, rows) = tube_of(found, points).ok()?;
-            Spanned { disk, rows, spacing: found.spacing, noise: found.noise, squeeze: 1.0 }
+    let at_once = match found {
+        Ok(found) if !found.holes.is_empty() => {
+            let tube = tube_of(found, points).ok();
+            tube.map(|(disk, rows)| Spanned { disk, rows, spacing: found.spacing, noise: found.noise, squeeze: 1.0 })
         }
-        Err(CloudError::NoSurface { .. } | CloudError::CloudPieces { .. }) => {
-            find_rows(points).ok()??;
-            span_squeezed(points)?
-        }
+        Ok(_) | Err(CloudError::NoSurface { .. } | CloudError::CloudPieces { .. }) => None,
         Err(_) => return None,
     };
-    if !is_tube(&spanned.disk) {
-        return None;
-    }
+    let spanned = match at_once.filter(|spanned| is_tube(&spanned.disk)) {
+        Some(spanned) => spanned,
+        None => {
+            // Over rows far apart a mesh is torn, or joins points of one row only.
+            find_rows(points).ok()??;
+            span_squeezed(points).filter(|spanned| is_tube(&spanned.disk))?
+        }
+    };
     let told = told(&spanned.disk).ok()?;
     let round = ParameterOptions { closed: Closed::U, ..options.clone() };
     let mut layout = through(cloud, spanned, choice, &round, watch).ok()?;
