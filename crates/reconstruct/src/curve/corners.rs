@@ -2,7 +2,7 @@
 
 use ndarray::ArrayView2;
 
-use super::polygon::{Place, angle, dot, norm, sub, unit};
+use super::polygon::{Place, angle, dot, noise, norm, sub, unit};
 
 /// Turning, in degrees, from which on a point may be a corner. Smooth curves turn less at a point unless they are sampled
 /// with fewer than nine points a turn.
@@ -19,6 +19,12 @@ const NEIGHBOURS: usize = 2;
 ///
 /// Limit: corners with more between them stand out by themselves.
 const BETWEEN: usize = 1;
+
+/// Steps around a short edge, in standard deviations of the noise, from which on their directions count.
+///
+/// Calibrated: on 20 sections of 100 to 400 points at random angles, with noise of a tenth of their mean distance. Without it, 4 of
+/// them have such edges; at 4, none.
+const BEYOND_NOISE: f64 = 4.0;
 
 /// How many times as long as the other one of the steps at a point is from which on its turning may be that of a smooth curve
 /// that goes on into the longer one.
@@ -42,7 +48,8 @@ pub(super) fn find_corners(points: ArrayView2<'_, f64>, closed: bool) -> Vec<usi
         for i in 0..m {
             let Some(j) = turns.after(i, apart) else { continue };
             let sharp = turns.is_sharp(i) && turns.is_sharp(j) && dot(turns.sense[i], turns.sense[j]) > 0.0;
-            if sharp && m > 2 * NEIGHBOURS + 1 + apart && turns.stands_out(i, apart) {
+            let clear = turns.shortest_step(i, apart) >= BEYOND_NOISE * turns.noise;
+            if sharp && clear && m > 2 * NEIGHBOURS + 1 + apart && turns.stands_out(i, apart) {
                 corners.extend([i, j]);
             }
         }
@@ -62,6 +69,8 @@ struct Turns {
     turning: Vec<f64>,
     /// The change of direction across the curve.
     sense: Vec<Place>,
+    /// Standard deviation of the points across the curve.
+    noise: f64,
 }
 
 impl Turns {
@@ -87,7 +96,8 @@ impl Turns {
                 ];
             }
         }
-        Self { closed, steps, turning, sense }
+        let noise = noise(&(0..m).map(place).collect::<Vec<_>>());
+        Self { closed, steps, turning, sense, noise }
     }
 
     fn len(&self) -> usize {
@@ -106,6 +116,12 @@ impl Turns {
 
     fn is_sharp(&self, i: usize) -> bool {
         self.turning[i] >= SHARP
+    }
+
+    /// The shortest step from the point before `i` to the one after `i + apart`.
+    fn shortest_step(&self, i: usize, apart: usize) -> f64 {
+        let m = self.len();
+        (0..apart + 2).map(|k| norm(self.steps[(i + m - 1 + k) % m])).fold(f64::INFINITY, f64::min)
     }
 
     /// Whether the points from `i` to `i + apart`, of which the first and the last are sharp, stand out from all around.
@@ -132,6 +148,9 @@ impl Turns {
         let dense: Vec<usize> = (1..=NEIGHBOURS + 1)
             .map_while(|k| if incoming < outgoing { self.before(i, k) } else { self.after(i, k) })
             .collect();
+        if dense.iter().any(|&at| self.is_sharp(at)) {
+            return false;
+        }
         // Noise turns to and fro, a bend to one side.
         let mut sum = [0.0; 4];
         let mut along = 0.0;

@@ -249,10 +249,12 @@ impl Problem<'_> {
         let (mut swings, mut crossed) = (best.judgement.swings.clone(), best.judgement.crossed.clone());
         for _ in 0..rounds {
             let further = support.with(sequence, &frame, &polygon, &swings);
-            if further.is_none() && crossed.is_empty() {
-                break;
-            }
-            support = further.unwrap_or(support).demanding(&crossed);
+            support = match further {
+                // Where it swings out it may cross itself too.
+                Some(further) => further,
+                None if crossed.is_empty() => break,
+                None => support.demanding(&crossed),
+            };
             let Ok(mut next) = self.attempt(method, &support) else { break };
             swings.clone_from(&next.judgement.swings);
             crossed.clone_from(&next.judgement.crossed);

@@ -154,7 +154,9 @@ impl Polygon {
         let (a, b, length) = self.ends(k);
         let starts = [self.neighbour_length(k, false), self.neighbour_length(k, true)]
             .map(|near| (near.unwrap_or(length) / length).clamp(MIN_STEP, MAX_STEP));
-        let [from, to] = self.tangents(k).map(|t| scaled(t, length));
+        let (along, _) = self.direction(k);
+        // As long as those of the cubic that meets the middle of an arc with these tangents.
+        let [from, to] = self.tangents(k).map(|t| scaled(t, 2.0 * length / (1.0 + dot(t, along).max(0.0))));
         steps_between(starts)
             .into_iter()
             .map(|t| {
@@ -257,7 +259,8 @@ impl Polygon {
         let (chord, _) = self.direction(k);
         let (at_start, at_end) = (across(a.tangent, chord), across(b.tangent, chord));
         let (larger, smaller) = (a.away.max(b.away), a.away.min(b.away));
-        let agree = dot(at_start, at_end) < 0.0;
+        let certain = [&a, &b].iter().all(|side| side.away > UNCERTAIN * side.turn);
+        let agree = certain && dot(at_start, at_end) < 0.0;
         (agree && larger <= MAX_ARC_ANGLE && larger <= MAX_ARC_RATIO * smaller).then_some(larger)
     }
 
@@ -315,24 +318,22 @@ fn steps_between(starts: [f64; 2]) -> Vec<f64> {
     shares
 }
 
-/// Standard deviation of the points across the curve: of each point from the parabola through its neighbours, the one before
-/// and the two after, at parameters by their distances. The median doesn't see corners and sparse stretches.
-fn noise(points: &[Place]) -> f64 {
+/// Standard deviation of the points: from the fourth divided differences of five points in a row, at parameters by their
+/// distances, which vanish for cubics. The median doesn't see corners and sparse stretches.
+pub(super) fn noise(points: &[Place]) -> f64 {
     let mut deviations: Vec<f64> = points
-        .windows(4)
+        .windows(5)
         .filter_map(|w| {
-            let steps: [f64; 3] = std::array::from_fn(|i| distance(w[i], w[i + 1]));
+            let steps: [f64; 4] = std::array::from_fn(|i| distance(w[i], w[i + 1]));
             let (shortest, longest) = steps.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), &s| (a.min(s), b.max(s)));
-            if shortest <= 0.0 || longest > SPARSE * shortest {
+            if shortest <= 0.0 || longest > NOISE_MAX_RATIO * shortest {
                 return None;
             }
-            let t = [0.0, steps[0], steps[0] + steps[1], steps[0] + steps[1] + steps[2]];
-            let weight = |i: usize, [j, k]: [usize; 2]| (t[1] - t[j]) * (t[1] - t[k]) / ((t[i] - t[j]) * (t[i] - t[k]));
-            let weights = [weight(0, [2, 3]), weight(2, [0, 3]), weight(3, [0, 2])];
-            let off: Place =
-                std::array::from_fn(|i| w[1][i] - weights[0] * w[0][i] - weights[1] * w[2][i] - weights[2] * w[3][i]);
-            let scale = 1.0 + weights.iter().map(|w| w * w).sum::<f64>();
-            Some(norm(off) / scale.sqrt())
+            let t: [f64; 5] = std::array::from_fn(|i| steps[..i].iter().sum());
+            let weights: [f64; 5] =
+                std::array::from_fn(|i| (0..5).filter(|&j| j != i).map(|j| longest / (t[i] - t[j])).product());
+            let off: Place = std::array::from_fn(|k| (0..5).map(|i| weights[i] * w[i][k]).sum());
+            Some(norm(off) / weights.iter().map(|w| w * w).sum::<f64>().sqrt())
         })
         .collect();
     if deviations.len() < MIN_NOISE_SAMPLES {
@@ -342,6 +343,11 @@ fn noise(points: &[Place]) -> f64 {
     let median = *deviations.select_nth_unstable_by(middle, f64::total_cmp).1;
     median * SIGMA_PER_MEDIAN
 }
+
+/// Longest of the steps between points from which noise is estimated, over the shortest.
+///
+/// Limit: excludes sparse stretches, where differences are not small.
+const NOISE_MAX_RATIO: f64 = 10.0;
 
 /// Fewest places from which noise is estimated.
 ///
@@ -420,7 +426,7 @@ mod tests {
             let step = std::f64::consts::TAU / count as f64;
             let sagitta = 1.0 - (0.5 * step).cos();
             for edge in polygon.edges() {
-                assert!((3.0..5.0).contains(&(edge.allowed / sagitta)), "{count}: {} of {sagitta}", edge.allowed);
+                assert!((3.0..6.0).contains(&(edge.allowed / sagitta)), "{count}: {} of {sagitta}", edge.allowed);
             }
         }
     }
