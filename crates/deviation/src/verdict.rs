@@ -111,6 +111,22 @@ impl Thresholds {
         })
     }
 
+    /// Why a surface that runs between two layers of points, a `distance` apart, is not good.
+    pub fn two_layers(&self, distance: f64, share: f64) -> Reason {
+        Reason {
+            code: "two-layers",
+            verdict: Verdict::Usable,
+            text: format!(
+                "two layers of points, {distance:.4e} apart over {:.0} % of them: the surface runs in the middle, and distances are to the \
+                 middle; register the scans anew for better",
+                100.0 * share
+            ),
+            figure: distance,
+            limit: 0.0,
+            place: None,
+        }
+    }
+
     /// Why a surface is not good; nothing if it is.
     pub fn reasons(&self, deviation: &Deviation) -> Vec<Reason> {
         let mut reasons = Vec::new();

@@ -114,6 +114,21 @@ pub(crate) fn spacing_weights(weights: &[f64]) -> Vec<f64> {
     weights.iter().map(|weight| if mean > 0.0 { (weight / mean).max(LEAST_WEIGHT) } else { 1.0 }).collect()
 }
 
+/// Share of the points of a cloud that have to be corners of the triangles spanned over it for their areas to be weights: large clouds
+/// have triangles over a subset.
+///
+/// Limit: nearly all have, or few.
+const MOSTLY_SPANNED: f64 = 0.8;
+
+/// The area of the triangles round each point of a cloud where most have some, else the square of their spacing (`weights`).
+pub(crate) fn area_weights_of_cloud(points: &[[f64; 3]], triangles: &[[u32; 3]], weights: &[f64]) -> Vec<f64> {
+    let mut corners: Vec<u32> = triangles.iter().flatten().copied().collect();
+    corners.sort_unstable();
+    corners.dedup();
+    let is_spanned = corners.len() as f64 >= MOSTLY_SPANNED * points.len() as f64;
+    if is_spanned { area_weights(points, triangles) } else { spacing_weights(weights) }
+}
+
 /// The area of the triangles round each point, in means; a point without triangles weighs as the mean one.
 pub(crate) fn area_weights(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<f64> {
     let mut weights = vec![0.0; points.len()];

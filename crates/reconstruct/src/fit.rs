@@ -215,6 +215,8 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let last = iterations[iterations.len() - 1];
     let thresholds = Thresholds { within: options.within, ..Thresholds::default() };
     judgement.reasons.extend(thresholds.set_aside(laid_out.report.cleaning.share_set_aside()));
+    let layers = laid_out.report.layers.as_ref();
+    judgement.reasons.extend(layers.map(|found| thresholds.two_layers(found.distance, found.share)));
     let verdict = judgement.verdict();
     let deviation = last.deviation;
     let report = Report {

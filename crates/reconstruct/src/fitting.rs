@@ -11,7 +11,7 @@ use param_classic::triangulate_parameters;
 use point_cloud::{BoundingBox, LocalFrames};
 use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
 
-use crate::densify::{area_weights, densify, spacing_weights};
+use crate::densify::{area_weights, area_weights_of_cloud, densify, spacing_weights};
 use crate::fit::SAMPLES;
 use crate::judge::{Judge, Judged, Judgement};
 use crate::options::{BlendChoice, LambdaChoice, Method, Samples};
@@ -229,7 +229,9 @@ fn fit_scan(
     let Some(dense) = dense else {
         let by_area = match judge.scan().weights() {
             _ if by_points => None,
-            Some(weights) => Some(spacing_weights(weights)),
+            Some(weights) if problem.triangles.is_empty() => Some(spacing_weights(weights)),
+            // A point away from the surface has a wide spacing, but no triangles.
+            Some(weights) => Some(area_weights_of_cloud(&places, problem.triangles, weights)),
             None => Some(area_weights(&places, problem.triangles)),
         };
         let weights = by_area.map(|by_area| weighted(Array1::from(by_area), problem.weights));

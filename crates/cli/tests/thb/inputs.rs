@@ -58,7 +58,7 @@ fn parameters_on_a_line() {
 fn meshes_that_are_no_disk() {
     rejects("scan.off", scans::two_pieces(), &["2 pieces", "[18, 8]"]);
     rejects("scan.off", scans::closed_mesh(), &["closed", "4 triangles"]);
-    rejects("scan.off", "OFF\n4 0 0\n0 0 0\n1 0 0\n0 1 0\n1 1 1\n", &[]);
+    rejects("scan.off", "OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", &[]);
 }
 
 #[test]
