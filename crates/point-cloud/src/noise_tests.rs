@@ -83,7 +83,7 @@ fn noise_is_told_in_spite_of_outliers_copies_order_and_place() {
     let mut points = shape(SHAPES[1].1, 3000, false, &mut random).mapv(|x| x + 1e-3 * random.normal());
     let plain = noise_sigma(points.view()).unwrap();
     assert!((0.85..1.15).contains(&(plain / 1e-3)), "{plain}");
-    let twice = ndarray::concatenate![Axis(0), points.slice(ndarray::s![..;-1, ..]), points];
+    let twice = ndarray::concatenate![Axis(0), points.select(Axis(0), &(0..3000).rev().collect::<Vec<_>>()), points];
     assert_eq!(noise_sigma(twice.view()).unwrap(), plain);
     let moved = points.mapv(|x| 1e3 * (x + 1e4));
     assert!((noise_sigma(moved.view()).unwrap() / (1e3 * plain) - 1.0).abs() < 1e-2);
@@ -96,7 +96,7 @@ fn noise_is_told_in_spite_of_outliers_copies_order_and_place() {
     let found = noise_sigma(points.view()).unwrap();
     assert!(found < 1.3e-3, "{found}");
     for few in [1, 4, 11, 21] {
-        let found = noise_sigma(points.slice(ndarray::s![..few, ..])).unwrap();
+        let found = noise_sigma(points.select(Axis(0), &(0..few).collect::<Vec<_>>()).view()).unwrap();
         assert!(found.is_finite(), "{few}: {found}");
     }
     assert!(noise_sigma(Array2::zeros((0, 3)).view()).is_err());
@@ -145,6 +145,16 @@ fn the_rounding_of_coordinates_is_found_and_a_lattice_is_none() {
     assert_eq!(rounding_step(single.view()).unwrap(), 2_f64.powi(9 - 23));
     let exact = shape(SHAPES[1].1, 900, false, &mut random);
     assert_eq!(rounding_step(exact.view()).unwrap(), 0.0);
+    // Few steps of many points are rounding, whatever the lattice.
+    let mut coarse = grid.clone();
+    coarse.column_mut(2).mapv_inplace(|z| (z / 20.0).round() * 20.0);
+    assert_eq!(rounding_step(coarse.view()).unwrap(), 20.0);
+    // Few steps of few points are the shape.
+    let saddle = Array2::from_shape_fn((18, 3), |(i, k)| {
+        let [u, v] = [(i / 3) as f64 / 5.0, (i % 3) as f64 / 2.0];
+        [u, v, u * v][k]
+    });
+    assert_eq!(rounding_step(saddle.view()).unwrap(), 0.0);
 }
 
 #[test]
