@@ -11,9 +11,12 @@ const DECIMALS: (i32, i32) = (4, -9);
 /// Multiples of a decimal step that are steps, too, largest first.
 const MULTIPLES: [f64; 3] = [5.0, 2.0, 1.0];
 
-/// Steps between the smallest and the largest coordinate from which on a step is one of rounding. Limit: with fewer it may as well be
-/// the shape.
+/// Steps between the smallest and the largest coordinate from which on a step is one of rounding. Limit: with fewer it is the shape.
 const LEAST_STEPS: f64 = 4.0;
+
+/// Steps, or points for each different coordinate, one of which there must be too. Limit: with fewer it may as well be the shape, as
+/// of a saddle over a lattice of a few points, whose heights are multiples of a tenth.
+const MANY: (f64, usize) = (32.0, 8);
 
 /// Round-off of a multiple of a step, as a share of the largest coordinate. Derived: a half of [`f64::EPSILON`] for each of the two
 /// coordinates, for their difference, for the step and for the quotient, and as much again in reserve.
@@ -22,8 +25,8 @@ const ROUND_OFF: f64 = 4.0 * f64::EPSILON;
 /// Largest distance of a multiple from a whole number. Limit: of steps nearer to round-off any number would be a multiple.
 const OFF_WHOLE: f64 = 1e-3;
 
-/// Places of a lattice for each of its points, from which on two directions are no lattice. Limit: half of one may be missing.
-const PLACES_PER_POINT: f64 = 2.0;
+/// Places of a lattice for each of its points, least and most. Limit: half of them may be empty, and one point in ten may be there twice.
+const PLACES_PER_POINT: (f64, f64) = (0.9, 2.0);
 
 /// The largest step to which a coordinate of the points, shape `(m, 3)`, is rounded: a power of ten, or twice or five times one, of which
 /// all differences are multiples; the step of single precision at the largest coordinate where all are such numbers. 0 where none is.
@@ -35,16 +38,29 @@ const PLACES_PER_POINT: f64 = 2.0;
 /// Those of [`check_finite`].
 pub fn rounding_step(points: ArrayView2<'_, f64>) -> Result<f64, CloudError> {
     check_finite(points)?;
-    let m = points.nrows();
-    let axes: Vec<Axis> = points.columns().into_iter().map(|column| Axis::of(&column.to_vec())).collect();
+    let m = points.nrows() as f64;
+    let columns: Vec<Vec<f64>> = points.columns().into_iter().map(|column| column.to_vec()).collect();
+    let axes: Vec<Axis> = columns.iter().map(|column| Axis::of(column)).collect();
+    // Of a lattice each place has one point. Of pairs with about as many places the one with the most points apart.
     let pairs = (0..axes.len()).flat_map(|a| (0..a).map(move |b| [a, b]));
-    let places = |pair: [usize; 2]| pair.map(|d| axes[d].different as f64).iter().product::<f64>();
+    let is_lattice = |pair: &[usize; 2]| {
+        let places = pair.map(|d| axes[d].different as f64).iter().product::<f64>();
+        (PLACES_PER_POINT.0 * m..=PLACES_PER_POINT.1 * m).contains(&places)
+    };
     let lattice = pairs
-        .min_by(|&p, &q| places(p).total_cmp(&places(q)))
-        .filter(|&pair| places(pair) <= PLACES_PER_POINT * m as f64)
+        .filter(is_lattice)
+        .max_by_key(|&[a, b]| places_taken(&columns[a], &columns[b]))
         .unwrap_or([usize::MAX; 2]);
     let decimal = (0..axes.len()).filter(|d| !lattice.contains(d)).filter_map(|d| axes[d].step).fold(0.0_f64, f64::max);
     Ok(decimal.max(single_precision(points)))
+}
+
+/// Number of different pairs of coordinates.
+fn places_taken(first: &[f64], second: &[f64]) -> usize {
+    let mut places: Vec<[u64; 2]> = first.iter().zip(second).map(|(x, y)| [x.to_bits(), y.to_bits()]).collect();
+    places.par_sort_unstable();
+    places.dedup();
+    places.len()
 }
 
 /// A coordinate of all points.
@@ -85,7 +101,8 @@ impl Axis {
                 places.len()
             }
         };
-        Self { step, different }
+        let is_many = |step: &f64| upper - lower >= MANY.0 * step || values.len() >= MANY.1 * different;
+        Self { step: step.filter(is_many), different }
     }
 }
 

@@ -103,10 +103,11 @@ impl ScanMeasures {
         for d in (0..2).filter(|&d| closed[d]) {
             radius = Some(radius.unwrap_or(f64::INFINITY).min(round(d)?));
         }
-        let thickness = match triangles.is_empty() {
-            false => thickness(points, triangles)?,
+        let thickness = if triangles.is_empty() {
             // Points on a line and the like have no normals; what is wrong with them is said elsewhere.
-            true => thickness_of_cloud(points).unwrap_or(None),
+            thickness_of_cloud(points).unwrap_or(None)
+        } else {
+            thickness(points, triangles)?
         };
         Ok(Self { diagonal, relief, radius, thickness, noise: noise_sigma(points)?, rounding: rounding_step(points)? })
     }
@@ -195,8 +196,8 @@ mod tests {
             let [u, v] = [i % 20, i / 20].map(|k| k as f64 / 19.0);
             [u, v, 0.3 * u + 0.1 * v][k]
         });
-        let uv = plane.slice_axis(ndarray::Axis(1), (..2).into());
-        let found = ScanMeasures::of(plane.view(), uv, &[], [false; 2], 1.5).unwrap().tolerance();
+        let uv = plane.select(ndarray::Axis(1), &[0, 1]);
+        let found = ScanMeasures::of(plane.view(), uv.view(), &[], [false; 2], 1.5).unwrap().tolerance();
         assert_eq!((found.value, found.rule), (1.5e-3, ToleranceRule::Diagonal));
         assert!(hint(plane.view(), 1e-9).unwrap().is_none());
     }
