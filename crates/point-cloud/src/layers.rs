@@ -17,8 +17,8 @@ use crate::{CloudError, Normalization, SPACING_NEIGHBOURS};
 
 /// Neighbours of a fit.
 ///
-/// Calibrated: of 32, 64 and 96, on layers planted 4 σ apart and on 24 scans of one layer. With 32 the split of plain noise is as deep
-/// as that of layers (distance over deviation 3.6 at the 90th percentile, layers 4.0); 96 smooths the details of faces away.
+/// Calibrated: of 32 and 64, on layers planted 4 σ apart and on 24 scans of one layer. With 32 the split of plain noise is as deep as that
+/// of layers (distance over deviation 3.6 at the 90th percentile, layers 4.0).
 const NEIGHBOURS: usize = 64;
 
 /// Clouds of fewer points are not looked at.
@@ -28,7 +28,7 @@ const FEWEST_POINTS: usize = 200;
 
 /// Points among which layers are looked for; of larger clouds as many are drawn, which bounds the time.
 ///
-/// Limit: half a second of one core.
+/// Limit: about half a second of one core on a quiet machine.
 const MOST_SEARCHED: usize = 12_000;
 
 /// Points of a first look.
@@ -94,6 +94,11 @@ const LEAST_OUTSIDE: f64 = 0.5;
 /// Calibrated: a blade of 117 m at its tip has 1.75, trees over terrain 1.4, walls of parts 1.3 to 2.8; planted layers 0.1 to 0.87.
 const MOST_SPACINGS: f64 = 1.0;
 
+/// Least distance, in the same. A quadric leaves a little of any surface, and regular points may part what it leaves in two.
+///
+/// Calibrated: planted layers 0.1 to 0.87; exact points of a cylinder in a regular order 10⁻⁴.
+const LEAST_SPACINGS: f64 = 0.02;
+
 /// Distances up to as many rounding steps of a coordinate come from rounding.
 ///
 /// Derived: heights on both sides of a rounding limit are one step apart.
@@ -147,7 +152,7 @@ pub struct Layers {
 /// Looks for two layers of one surface in `points`, shape `(m, 3)`; `None` where there is one, or none can be told.
 ///
 /// Found are layers at least 4 standard deviations of their noise and at most [one spacing](MOST_SPACINGS) apart that share 30 % of
-/// their extent or more. O(m log m); clouds with one layer take half a second at most, whatever their size.
+/// their extent or more. O(m log m); the time is that of some thousand points, whatever the size of the cloud.
 ///
 /// # Errors
 /// [`CloudError::WrongDimension`], those of [`crate::check_finite`].
@@ -418,7 +423,7 @@ impl Evidence {
     fn is_clear(&self) -> bool {
         self.share >= LEAST_SHARE
             && self.valley <= MOST_VALLEY
-            && self.spacings <= MOST_SPACINGS
+            && (LEAST_SPACINGS..=MOST_SPACINGS).contains(&self.spacings)
             && (FAR_LAYERS.into_iter().any(|far| self.exceeds(far))
                 || self.exceeds(NEAR_LAYERS) && self.contrast <= MOST_CONTRAST)
     }

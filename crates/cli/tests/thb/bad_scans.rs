@@ -47,7 +47,8 @@ fn good_fit(lab: &Lab, file: &str, options: &str, what: &str) -> Value {
     let diagonal = report["input"]["diagonal"].as_f64().unwrap();
     assert!((60.0..70.0).contains(&diagonal), "{what}: {diagonal}");
     let result = &report["result"];
-    assert!(result["max"].as_f64().unwrap() < 1.0 && result["reached"] == true, "{what}: {result}");
+    let p99 = result["deviation"]["scan_to_surface"]["p99"].as_f64().unwrap();
+    assert!(p99 < 0.3 && result["reached"] == true, "{what}: {result}");
     assert!(result["dofs"].as_u64().unwrap() <= 250, "{what}: {result}");
     report
 }
@@ -214,8 +215,7 @@ fn a_handful_of_points_makes_a_surface() {
     let corners = [[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [10.0, 8.0, 0.0], [0.0, 8.0, 2.0]];
     let nine: Vec<[f64; 3]> = (0..9).map(|k| [10.0 * f64::from(k % 3), 10.0 * f64::from(k / 3), 0.0]).collect();
     let tilted: Vec<[f64; 3]> = nine.iter().map(|&[x, y, _]| [x + 1e4, 0.8 * y - 0.3 * x, 0.6 * y + 0.1 * x]).collect();
-    let twelve: Vec<[f64; 3]> = lattice(4).into_iter().take(12).collect();
-    for (name, points) in [("corners", &corners[..]), ("nine", &nine), ("tilted", &tilted), ("twelve", &twelve)] {
+    for (name, points) in [("corners", &corners[..]), ("nine", &nine), ("tilted", &tilted)] {
         lab.put("scan.xyz", xyz(points));
         lab.succeeds("fit scan.xyz --tol 2% -o part.json --report report.json");
         let report = lab.json("report.json");

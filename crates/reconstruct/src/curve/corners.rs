@@ -22,8 +22,8 @@ const BETWEEN: usize = 1;
 
 /// Steps around a short edge, in standard deviations of the noise, from which on their directions count.
 ///
-/// Calibrated: on 20 sections of 100 to 400 points at random angles, with noise of a tenth of their mean distance. Without it, 4 of
-/// them have such edges; at 4, none.
+/// Calibrated: on sections of 100 to 400 points at random angles, with noise of a tenth of their mean distance; without it some have
+/// such edges.
 const BEYOND_NOISE: f64 = 4.0;
 
 /// How many times as long as the other one of the steps at a point is from which on its turning may be that of a smooth curve
