@@ -5,7 +5,7 @@ use ndarray::ArrayView2;
 use crate::local_frame::median;
 use crate::neighbours::rows;
 use crate::quadric::principal_axes;
-use crate::vec3::{dot, sub};
+use crate::vec3::{dot, norm, scale, sub, unit};
 use crate::{CloudError, check_finite};
 
 /// Share of the points on either side that relief leaves out. Limit: the 1 % of them that may be anything.
@@ -44,8 +44,9 @@ pub fn relief(points: ArrayView2<'_, f64>) -> Result<f64, CloudError> {
 }
 
 /// The radius of a tube, in the units of its points, shape `(m, 3)`, given how far along it each point lies, `(m)`: of sixteen rings
-/// with the same number of points the median distance to the mean of the ring; of these the second smallest, so that one end that
-/// is all but closed does not count. 0 without points. O(m log m).
+/// with the same number of points the median distance to the line through the mean of the ring along the tube, which is the direction
+/// between the means of the rings beside it; of these the second smallest, so that one end that is all but closed does not count. 0
+/// without points. O(m log m).
 ///
 /// # Errors
 /// [`CloudError::WrongDimension`], those of [`check_finite`].
@@ -54,14 +55,20 @@ pub fn ring_radius(points: ArrayView2<'_, f64>, along: &[f64]) -> Result<f64, Cl
     let points = rows(points)?;
     let mut order: Vec<usize> = (0..points.len().min(along.len())).collect();
     order.sort_unstable_by(|&a, &b| along[a].total_cmp(&along[b]).then(a.cmp(&b)));
-    let size = order.len().div_ceil(RINGS).max(1);
-    let radius = |ring: &[usize]| {
-        let count = ring.len() as f64;
-        let centre: [f64; 3] = std::array::from_fn(|k| ring.iter().map(|&i| points[i][k]).sum::<f64>() / count);
-        let distances = ring.iter().map(|&i| sub(points[i], centre)).map(|d| dot(d, d).sqrt()).collect();
-        median(distances)
+    let rings: Vec<&[usize]> = order.chunks(order.len().div_ceil(RINGS).max(1)).collect();
+    let mean = |ring: &&[usize]| -> [f64; 3] {
+        std::array::from_fn(|k| ring.iter().map(|&i| points[i][k]).sum::<f64>() / ring.len() as f64)
     };
-    let mut radii: Vec<f64> = order.chunks(size).map(radius).collect();
+    let means: Vec<[f64; 3]> = rings.iter().map(mean).collect();
+    let radius = |at: usize| {
+        let axis = unit(sub(means[(at + 1).min(means.len() - 1)], means[at.saturating_sub(1)]));
+        let distance = |&i: &usize| {
+            let offset = sub(points[i], means[at]);
+            norm(sub(offset, scale(dot(offset, axis), axis)))
+        };
+        median(rings[at].iter().map(distance).collect())
+    };
+    let mut radii: Vec<f64> = (0..rings.len()).map(radius).collect();
     radii.sort_unstable_by(f64::total_cmp);
     Ok(radii.get(1).or(radii.first()).copied().unwrap_or(0.0))
 }

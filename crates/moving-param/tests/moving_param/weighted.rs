@@ -114,6 +114,7 @@ fn triangles() -> Vec<[u32; 3]> {
 
 #[test]
 fn hidden_parameters_are_found_in_spite_of_outliers() {
+    let mut shares = Vec::new();
     for seed in 0..4 {
         let planted = Planted::new(seed, 0.08);
         let fixed = LeastSquares::new(planted.start.view(), planted.points.view(), None, fitting()).unwrap();
@@ -130,11 +131,14 @@ fn hidden_parameters_are_found_in_spite_of_outliers() {
             let outliers = planted.outliers.iter().filter(|off| **off).count();
             let found = planted.count(aside, true);
             assert!(found as f64 >= 0.95 * outliers as f64, "seed {seed}: {found} of {outliers} outliers set aside");
-            assert!(wrong <= 10, "seed {seed}: {wrong} sound points set aside");
-            assert!(robust < 0.5 * fixed, "seed {seed}: {robust:e} beside {fixed:e} at fixed parameters");
+            assert!(wrong <= PER * PER / 50, "seed {seed}: {wrong} sound points set aside");
+            assert!(robust < 0.8 * fixed, "seed {seed}: {robust:e} beside {fixed:e} at fixed parameters");
+            shares.push(robust / fixed);
             assert!(robust < 0.25 * plain, "seed {seed}: {robust:e} beside {plain:e} by least squares");
         }
     }
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    assert!(mean < 0.6, "errors are {mean} of those at fixed parameters: {shares:?}");
 }
 
 #[test]
@@ -157,13 +161,19 @@ fn every_method_with_moving_parameters_takes_weights_that_follow_the_errors() {
             let outliers = planted.outliers.iter().filter(|off| **off).count();
             let found = planted.count(aside, true);
             assert!(found as f64 >= 0.95 * outliers as f64, "{method:?}, seed {seed}: {found} of {outliers}");
-            assert!(robust < 0.3 * plain, "{method:?}, seed {seed}: {robust:e} beside {plain:e} by least squares");
+            assert!(
+                robust < (0.3 * plain).max(1.2 * TOLERANCE).min(0.6 * plain),
+                "{method:?}, seed {seed}: {robust:e} beside {plain:e} by least squares"
+            );
             // Example 5.2.2 (e) of Imperatore 2024: the outliers are marked instead.
             let ignored = (0..planted.outliers.len()).filter(|&i| planted.outliers[i]).collect();
             let markers = Markers { met: Vec::new(), ignored };
             let rules = Reweighting { robust: None, markers: Some((markers, MarkerRules::new(TOLERANCE, TOLERANCE))) };
             let (marked, _) = planted.fit(planted.moving(method.clone()), &rules, 2);
-            assert!(marked < 0.3 * plain, "{method:?}, seed {seed}: {marked:e} of marked beside {plain:e}");
+            assert!(
+                marked < (0.3 * plain).max(1.2 * TOLERANCE).min(0.6 * plain),
+                "{method:?}, seed {seed}: {marked:e} of marked beside {plain:e}"
+            );
         }
     }
 }
