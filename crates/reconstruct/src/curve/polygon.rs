@@ -149,15 +149,15 @@ impl Polygon {
     }
 
     /// Shares of an edge, between 0 and 1, and places there: on an arc where the tangents at its ends agree on one, on the edge
-    /// itself otherwise. They stand as densely as the points at each end, and ever farther apart away from the ends.
-    pub(super) fn laid_over(&self, k: usize) -> Vec<(f64, Place)> {
+    /// itself otherwise. They stand as densely as the points at each end, and ever farther apart away from the ends; `finer` divides their distances.
+    pub(super) fn laid_over(&self, k: usize, finer: f64) -> Vec<(f64, Place)> {
         let (a, b, length) = self.ends(k);
         let starts = [self.neighbour_length(k, false), self.neighbour_length(k, true)]
             .map(|near| (near.unwrap_or(length) / length).clamp(MIN_STEP, MAX_STEP));
         let (along, _) = self.direction(k);
         // As long as those of the cubic that meets the middle of an arc with these tangents.
         let [from, to] = self.tangents(k).map(|t| scaled(t, 2.0 * length / (1.0 + dot(t, along).max(0.0))));
-        steps_between(starts)
+        steps_between(starts, finer)
             .into_iter()
             .map(|t| {
                 // Hermite's cubic, minus the chord.
@@ -298,19 +298,20 @@ struct Side {
 }
 
 /// Shares from 0 to 1, without both, whose distances start as given at each end and grow.
-fn steps_between(starts: [f64; 2]) -> Vec<f64> {
+fn steps_between(starts: [f64; 2], finer: f64) -> Vec<f64> {
     let (mut shares, mut from_end) = (Vec::new(), Vec::new());
     let (mut left, mut right) = (0.0, 1.0);
-    let [mut forward, mut backward] = starts;
+    let [mut forward, mut backward] = starts.map(|start| start / finer);
+    let longest = MAX_STEP / finer;
     while right - left > forward + backward {
         if forward <= backward {
             left += forward;
             shares.push(left);
-            forward = (GROWTH * forward).min(MAX_STEP);
+            forward = (GROWTH * forward).min(longest);
         } else {
             right -= backward;
             from_end.push(right);
-            backward = (GROWTH * backward).min(MAX_STEP);
+            backward = (GROWTH * backward).min(longest);
         }
     }
     shares.push(0.5 * (left + right));
@@ -441,7 +442,7 @@ mod tests {
             let edge = polygon.edge(gap);
             assert!(edge.allowed > 1.0 - 0.5_f64.sqrt(), "{}", edge.allowed);
             // What is laid over the gap is near the circle.
-            assert!(polygon.laid_over(gap).iter().all(|(_, p)| (p[0].hypot(p[1]) - 1.0).abs() < 0.03));
+            assert!(polygon.laid_over(gap, 1.0).iter().all(|(_, p)| (p[0].hypot(p[1]) - 1.0).abs() < 0.03));
             // Two half circles and straights of 50 radii.
             let mut slot = arc(1.0, -0.5 * std::f64::consts::PI, 0.5 * std::f64::consts::PI, count);
             let far = arc(1.0, 0.5 * std::f64::consts::PI, 1.5 * std::f64::consts::PI, count);
@@ -450,7 +451,7 @@ mod tests {
             for k in [count - 1, 2 * count - 1] {
                 let edge = polygon.edge(k);
                 assert!(edge.allowed < 0.05, "{count}: {}", edge.allowed);
-                assert!(polygon.laid_over(k).iter().all(|(_, p)| p[1].abs() < 1.05));
+                assert!(polygon.laid_over(k, 1.0).iter().all(|(_, p)| p[1].abs() < 1.05));
             }
         }
     }
@@ -459,7 +460,7 @@ mod tests {
     fn steps_grow_from_both_ends() {
         for starts in [[0.001, 0.0625], [0.0625, 0.001], [1e-5, 1e-5], [0.0625, 0.0625]] {
             let mut all = vec![0.0];
-            all.extend(steps_between(starts));
+            all.extend(steps_between(starts, 1.0));
             all.push(1.0);
             let steps: Vec<f64> = all.windows(2).map(|w| w[1] - w[0]).collect();
             assert!(steps.iter().all(|&s| s > 0.0 && s <= 0.0626), "{steps:?}");

@@ -59,7 +59,8 @@ pub(super) fn polygon_of(sequence: &Sequence, frame: &Frame) -> Polygon {
 /// points; at 3, they need a tenth more control points.
 const NEARER: f64 = 1.5;
 
-/// By how much more is demanded of the points at a crossing, each time it is found again.
+/// By how much more is demanded of the points at a crossing, and how much denser points over a stretch are laid, each time that it
+/// is found again.
 ///
 /// Derived: halving a distance takes one more bisection of the spans there.
 const MORE: f64 = 2.0;
@@ -70,8 +71,8 @@ const MORE: f64 = 2.0;
 pub(super) struct Support {
     points: Array2<f64>,
     parameters: Array1<f64>,
-    /// Edges that have such points.
-    edges: Vec<usize>,
+    /// Edges that have such points, and by how much finer than at first.
+    edges: Vec<(usize, f64)>,
     /// Of each point of the sequence, by how much nearer than the tolerance the curve has to be; after them of these points.
     demands: Vec<f64>,
 }
@@ -102,7 +103,8 @@ impl Support {
         self.demands.iter().rev().skip(self.len()).any(|&demand| demand > 1.0)
     }
 
-    /// The same with points over the edges of a polygon that hold the given points; none if there are no further ones.
+    /// The same with points over the edges of a polygon that hold the given points, and denser ones where there were some; none if the
+    /// given points hold no edge.
     pub(super) fn with(
         &self,
         sequence: &Sequence,
@@ -117,16 +119,19 @@ impl Support {
             a != b && (inside(a) < length || (1..=length).contains(&inside(b)))
         };
         let edges = polygon.edges();
-        let mut further: Vec<usize> = (0..edges.len())
-            .filter(|k| !self.edges.contains(k))
-            .filter(|&k| swings.iter().any(|&pair| holds(edges[k].from, edges[k].to, pair)))
-            .collect();
-        if further.is_empty() {
+        let mut held = self.edges.clone();
+        for k in (0..edges.len()).filter(|&k| swings.iter().any(|&pair| holds(edges[k].from, edges[k].to, pair))) {
+            match held.iter_mut().find(|(known, _)| *known == k) {
+                Some((_, finer)) => *finer *= MORE,
+                None => held.push((k, 1.0)),
+            }
+        }
+        if held == self.edges {
             return None;
         }
-        let (mut points, mut parameters) = (self.points.clone(), self.parameters.to_vec());
+        let (mut points, mut parameters) = (Array2::zeros((0, sequence.points.ncols())), Vec::new());
         let (lower, upper) = sequence.domain;
-        for &k in &further {
+        for &(k, finer) in &held {
             let (from, mut to) = (sequence.parameters[edges[k].from], sequence.parameters[edges[k].to]);
             if edges[k].to <= edges[k].from {
                 to += upper - lower;
@@ -134,17 +139,16 @@ impl Support {
             if to <= from {
                 continue;
             }
-            for (share, place) in polygon.laid_over(k) {
+            for (share, place) in polygon.laid_over(k, finer) {
                 let u = from + share * (to - from);
                 parameters.push(if u > upper { u - (upper - lower) } else { u });
                 let row: Vec<f64> = frame.coordinates(place).take(points.ncols()).collect();
                 points.push_row(Array1::from(row).view()).ok()?;
             }
         }
-        further.extend(&self.edges);
-        let mut demands = self.demands.clone();
+        let mut demands = self.demands[..m].to_vec();
         demands.resize(m + parameters.len(), NEARER);
-        Some(Self { points, parameters: parameters.into(), edges: further, demands })
+        Some(Self { points, parameters: parameters.into(), edges: held, demands })
     }
 
     /// Parameters and points of a sequence, and after them these.

@@ -245,7 +245,7 @@ fn rounded_rectangles_and_slots_stay_inside_their_boxes() {
             CurveOptions::default(),
             CurveOptions { lambda: LambdaChoice::Auto, ..CurveOptions::default() },
             CurveOptions { lambda: LambdaChoice::Fixed(0.0), ..CurveOptions::default() },
-            CurveOptions { knots: KnotChoice::Averaged(20), ..CurveOptions::default() },
+            CurveOptions { knots: KnotChoice::Averaged(12), ..CurveOptions::default() },
             CurveOptions { elements: 16, ..CurveOptions::default() },
             CurveOptions { method: Method::Joint, ..CurveOptions::default() },
             CurveOptions { method: Method::APdm, ..CurveOptions::default() },
