@@ -177,19 +177,20 @@ mod tests {
 
     #[test]
     fn a_flat_tube_gets_the_tolerance_of_its_thickness_and_a_plane_that_of_its_diagonal() {
-        let (rows, columns) = (40, 60);
+        // Points far closer to one another than the two sides are.
+        let (rows, columns) = (80, 160);
         let parameters = Array2::from_shape_fn((rows * columns, 2), |(i, d)| {
             [(i % columns) as f64 / columns as f64, (i / columns) as f64 / (rows - 1) as f64][d]
         });
         let blade = Array2::from_shape_fn((rows * columns, 3), |(i, k)| {
             let t = std::f64::consts::TAU * parameters[[i, 0]];
-            [t.cos(), 0.1 * t.sin(), 4.0 * parameters[[i, 1]]][k]
+            [t.cos(), 0.15 * t.sin(), 4.0 * parameters[[i, 1]]][k]
         });
         let measures =
             ScanMeasures::of(blade.view(), parameters.view(), &[], [true, false], diagonal(blade.view())).unwrap();
         let found = measures.tolerance();
         assert!(
-            found.rule == ToleranceRule::Thickness && found.value < 0.02 * 0.2 && found.value > 0.02 * 0.02,
+            found.rule == ToleranceRule::Thickness && found.value < 0.02 * 0.3 && found.value > 0.02 * 0.02,
             "{found:?}"
         );
         let plane = Array2::from_shape_fn((400, 3), |(i, k)| {

@@ -4,8 +4,8 @@ use ndarray::{Array2, array};
 use proptest::prelude::*;
 
 use super::*;
-use deviation::Verdict;
 use crate::{LambdaChoice, Mark, Method, Tolerance};
+use deviation::Verdict;
 
 fn curve(count: usize, point: impl Fn(f64) -> [f64; 2]) -> Array2<f64> {
     Array2::from_shape_fn((count, 2), |(i, k)| point(i as f64 / (count - 1) as f64)[k])
