@@ -24,6 +24,10 @@ const HINT_PER_NOISE: f64 = 2.0;
 /// its coordinates and of the fit, and has no measure.
 const LEAST_RELIEF: f64 = 1e-6;
 
+/// Noise, as a share of the thickness, beyond which it is none. Derived: local fits over both sides of a shape leave half its thickness;
+/// with noise of an eighth the two sides, each spread by three standard deviations, would all but meet.
+const MAX_NOISE_PER_THICKNESS: f64 = 0.125;
+
 /// What decided on the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -109,7 +113,9 @@ impl ScanMeasures {
         } else {
             thickness(points, triangles)?
         };
-        Ok(Self { diagonal, relief, radius, thickness, noise: noise_sigma(points)?, rounding: rounding_step(points)? })
+        let most = thickness.map_or(f64::INFINITY, |thickness| MAX_NOISE_PER_THICKNESS * thickness);
+        let noise = Some(noise_sigma(points)?).filter(|noise| *noise <= most).unwrap_or(0.0);
+        Ok(Self { diagonal, relief, radius, thickness, noise, rounding: rounding_step(points)? })
     }
 
     /// 0.1 % of the diagonal, at most 2 % of the shape's own measure, at least three standard deviations of the noise and the
@@ -186,8 +192,14 @@ mod tests {
             let t = std::f64::consts::TAU * parameters[[i, 0]];
             [t.cos(), 0.15 * t.sin(), 4.0 * parameters[[i, 1]]][k]
         });
+        let at = |i: usize, j: usize| (i * columns + j % columns) as u32;
+        let corners = (0..rows - 1).flat_map(|i| (0..columns).map(move |j| (i, j)));
+        let triangles: Vec<[u32; 3]> = corners
+            .flat_map(|(i, j)| [[at(i, j), at(i, j + 1), at(i + 1, j)], [at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]])
+            .collect();
         let measures =
-            ScanMeasures::of(blade.view(), parameters.view(), &[], [true, false], diagonal(blade.view())).unwrap();
+            ScanMeasures::of(blade.view(), parameters.view(), &triangles, [true, false], diagonal(blade.view()))
+                .unwrap();
         let found = measures.tolerance();
         assert!(
             found.rule == ToleranceRule::Thickness && found.value < 0.02 * 0.3 && found.value > 0.02 * 0.02,
