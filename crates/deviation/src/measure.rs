@@ -227,10 +227,10 @@ impl<'a> Measured<'a> {
     ) -> Result<Deviation, Error> {
         let from_scan = self.scan_side(scan, parameters, tolerance, thresholds);
         let from_surface = match &scan.kind {
-            Kind::Mesh(mesh) => self.to_mesh(mesh, tolerance),
+            Kind::Mesh(mesh) => self.surface_to_mesh(mesh, tolerance),
             Kind::Cloud(cloud) => {
-                let folded = cloud.spanned.as_ref().and_then(|mesh| self.to_mesh(mesh, tolerance).folded);
-                SurfaceSide { folded, ..self.to_cloud(cloud, tolerance) }
+                let folded = cloud.spanned.as_ref().and_then(|mesh| self.surface_to_mesh(mesh, tolerance).folded);
+                SurfaceSide { folded, ..self.surface_to_cloud(cloud, tolerance) }
             }
         };
         let mut crossings = self.crossings(scan, tolerance)?;
@@ -282,12 +282,12 @@ impl<'a> Measured<'a> {
     ) -> ScanSide {
         let parameter = |i: u32| parameters.map(|p| [p[[i as usize, 0]], p[[i as usize, 1]]]);
         match &scan.kind {
-            Kind::Mesh(mesh) => self.from_mesh(mesh, &parameter, tolerance, thresholds),
-            Kind::Cloud(cloud) => self.from_cloud(scan.points, cloud, &parameter, tolerance, thresholds),
+            Kind::Mesh(mesh) => self.mesh_to_surface(mesh, &parameter, tolerance, thresholds),
+            Kind::Cloud(cloud) => self.cloud_to_surface(scan.points, cloud, &parameter, tolerance, thresholds),
         }
     }
 
-    fn from_mesh(
+    fn mesh_to_surface(
         &self,
         mesh: &Mesh,
         parameter: &(dyn Fn(u32) -> Option<[f64; 2]> + Sync),
@@ -351,7 +351,7 @@ impl<'a> Measured<'a> {
         }
     }
 
-    fn from_cloud(
+    fn cloud_to_surface(
         &self,
         points: &[[f64; 3]],
         cloud: &Cloud<'_>,
@@ -394,7 +394,7 @@ impl<'a> Measured<'a> {
             .collect()
     }
 
-    fn to_mesh(&self, mesh: &Mesh, tolerance: f64) -> SurfaceSide {
+    fn surface_to_mesh(&self, mesh: &Mesh, tolerance: f64) -> SurfaceSide {
         struct Found {
             place: [f64; 3],
             facet: f64,
@@ -446,7 +446,7 @@ impl<'a> Measured<'a> {
         }
     }
 
-    fn to_cloud(&self, cloud: &Cloud<'_>, tolerance: f64) -> SurfaceSide {
+    fn surface_to_cloud(&self, cloud: &Cloud<'_>, tolerance: f64) -> SurfaceSide {
         let part = |place: [f64; 3], _: u32, _: [f64; 3], area: f64| {
             let (distance, nearest) = cloud.tree.closest(place);
             ((distance - cloud.spacing[nearest as usize]).max(0.0), area, place, distance)

@@ -32,7 +32,7 @@ pub struct Scan<'a> {
 
 pub(crate) enum Kind<'a> {
     Mesh(Box<Mesh>),
-    Cloud(Cloud<'a>),
+    Cloud(Box<Cloud<'a>>),
 }
 
 /// The triangles of a scan.
@@ -73,7 +73,7 @@ impl<'a> Scan<'a> {
         let weights = spacing.iter().map(|s| s.min(MAX_SPACING * median).powi(2)).collect();
         Ok(Self {
             points,
-            kind: Kind::Cloud(Cloud { tree, spacing, weights, spanned: None }),
+            kind: Kind::Cloud(Box::new(Cloud { tree, spacing, weights, spanned: None })),
             diagonal: diagonal(points),
         })
     }

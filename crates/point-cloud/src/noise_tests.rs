@@ -25,8 +25,11 @@ impl Random {
 
 const PI: f64 = std::f64::consts::PI;
 
+/// A name, and the point of a shape at a place of the unit square.
+type Shape = (&'static str, fn(f64, f64) -> [f64; 3]);
+
 /// Shapes over the unit square.
-const SHAPES: [(&str, fn(f64, f64) -> [f64; 3]); 5] = [
+const SHAPES: [Shape; 5] = [
     ("plane", |u, v| [3.0 * u, 2.0 * v, u + 0.3 * v]),
     ("wave", |u, v| [u, v, 0.2 * (3.0 * u + 0.5).sin() * (2.0 * v).cos()]),
     ("cylinder", |u, v| [(3.0 * u).cos(), (3.0 * u).sin(), 2.0 * v]),

@@ -411,7 +411,7 @@ impl fmt::Display for Pair {
 /// A tolerance in the units of the input, or a percentage of the bounding box diagonal, or chosen by the scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tolerance {
-    /// Of a surface as [`ScanMeasures`](crate::ScanMeasures) say, elsewhere [`AUTO_PERCENT`] of the diagonal.
+    /// Of a surface as [`ScanMeasures`](crate::ScanMeasures) say, elsewhere 0.1 % of the diagonal.
     Auto,
     /// In units of the input.
     Absolute(f64),

@@ -106,7 +106,7 @@ fn facets_of_something_round_are_known_up_to_their_sagitta() {
     // A quarter of a cylinder in 8 facets, their sagitta 1 − cos(π/32) = 0.0048, and a surface close to the cylinder.
     let bend = |u: f64, v: f64| [(FRAC_PI_2 * u).cos(), (FRAC_PI_2 * u).sin(), v];
     // One row of quads: four and more facets in one plane would be a plane.
-    let (points, triangles) = grid(8, |u, v| bend(u, v));
+    let (points, triangles) = grid(8, bend);
     let triangles: Vec<[u32; 3]> = triangles.into_iter().take(16).collect();
     let points: Vec<[f64; 3]> = points.into_iter().take(18).collect();
     let knots = 16;

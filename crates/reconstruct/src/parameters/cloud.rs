@@ -34,7 +34,7 @@ pub(super) fn lay_out(
     }
     let by_shape = matches!(choice, ParameterChoice::Auto | ParameterChoice::MeanValue);
     if by_shape && cloud.boundary.is_none() && cloud.points.nrows() < few::FEW {
-        return few::lay_out(&cloud, options);
+        return few::lay_out(cloud, options);
     }
     let _ = watch(Event::Step("spanning a mesh over the cloud"));
     let found = find_boundary(cloud.points.view(), &BoundaryParams::default());

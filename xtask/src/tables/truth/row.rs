@@ -249,7 +249,7 @@ mod tests {
                 },
             })
         };
-        assert_eq!(row(&reported(0.969, 3.14), &kept()).agreement(), [Some(true), Some(true)]);
+        assert_eq!(row(&reported(0.969, 3.13), &kept()).agreement(), [Some(true), Some(true)]);
         assert_eq!(row(&reported(0.971, 3.2), &kept()).agreement(), [Some(false), Some(false)]);
         // Reports without a verdict know the points only.
         let old = serde_json::json!({"tolerance": 2.0, "within": 0.955, "max": 3.0, "reached": true});
