@@ -77,7 +77,7 @@ const MOST: f64 = 0.1;
 /// Limit: with fewer each neighbourhood holds half of the cloud.
 const FEWEST: usize = 50;
 
-/// Rows, increasing, of the isolated points among `points`, shape `(m, 3)`: those whose [`NEIGHBOURS`] nearest are three times
+/// Rows, increasing, of the isolated points among `points`, shape `(m, 3)`: those whose twelve nearest are three times
 /// as far as in the median of the cloud, and which are either four times as far from these as they are from theirs or lie among
 /// points that fill space instead of following a sheet; and those that are off the plane of their neighbours, where these
 /// are on it, by more than their spacing. Sparse parts of a surface are none. None at all if more than a tenth

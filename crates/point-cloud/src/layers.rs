@@ -151,7 +151,7 @@ pub struct Layers {
 
 /// Looks for two layers of one surface in `points`, shape `(m, 3)`; `None` where there is one, or none can be told.
 ///
-/// Found are layers at least 4 standard deviations of their noise and at most [one spacing](MOST_SPACINGS) apart that share 30 % of
+/// Found are layers at least 4 standard deviations of their noise and at most one spacing apart that share 30 % of
 /// their extent or more. O(m log m); the time is that of some thousand points, whatever the size of the cloud.
 ///
 /// # Errors
