@@ -1,3 +1,5 @@
+//! Planted crossings.
+
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use thb_core::SplineMap;

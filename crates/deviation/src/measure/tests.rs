@@ -1,3 +1,5 @@
+//! Planted figures.
+
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 

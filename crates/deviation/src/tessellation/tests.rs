@@ -1,3 +1,5 @@
+//! Planted surfaces, and triangles over them.
+
 use std::collections::HashMap;
 use std::sync::Arc;
 
