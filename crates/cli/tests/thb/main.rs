@@ -5,6 +5,7 @@ mod batch;
 mod closed;
 mod curves;
 mod inputs;
+mod invariance;
 mod lab;
 mod layouts;
 mod methods;
