@@ -94,7 +94,8 @@ impl Gathered {
         patches.sort_by(|a, b| b.share.total_cmp(&a.share));
         let found = Self {
             largest: patches.first().map_or(0.0, |patch| patch.share),
-            total: patches.iter().map(|patch| patch.share).filter(|&share| share > many).sum(),
+            // A sum of nothing would be −0.
+            total: patches.iter().map(|patch| patch.share).filter(|&share| share > many).fold(0.0, |sum, x| sum + x),
             patches: Vec::new(),
         };
         patches.truncate(LISTED);

@@ -187,8 +187,8 @@ fn laid_out(mut points: Array2<f64>, mut notes: Vec<String>, options: &CurveOpti
     let are_values = points.ncols() == 1;
     let (closed, again) = closes(points.view(), are_values, &mut notes, options)?;
     let m = rows_given - again.len();
-    let (turn, beyond) = points.view().split_at(Axis(0), m);
-    let (turn, beyond) = (turn.to_owned(), beyond.to_owned());
+    let of = |rows: std::ops::Range<usize>| points.select(Axis(0), &rows.collect::<Vec<_>>());
+    let (turn, beyond) = (of(0..m), of(m..rows_given));
     points = turn;
     let corner_rows = match &options.corners {
         CornerChoice::Auto if !are_values => find_corners(points.view(), closed),
