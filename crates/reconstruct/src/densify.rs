@@ -9,8 +9,8 @@ use rustc_hash::FxHashMap;
 
 /// Triangles of the denser mesh that would cover the area, were all equilateral.
 ///
-/// Calibrated: `thb fit solids/patch-01.off` and the meshes of the results; with 2000 a box-like shell of 735 vertices keeps bulging
-/// edges, with 16 000 fits of small meshes take twice as long for the same control points.
+/// Calibrated: `thb fit` of a box-like shell of 735 vertices at 0.1 %: 217 control points and 99.5 % of the area within, where its
+/// vertices alone gave 625 and 82 %; other densities were not compared.
 const TRIANGLES: f64 = 6000.0;
 
 /// Points that may be added for each vertex and triangle of the scan, at most.
