@@ -9,6 +9,8 @@ use std::collections::HashMap;
 
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 
+use crate::adjacency::Sets;
+
 /// Angle between facets, in degrees, from which on their common edge is sharp and normals aren't averaged across it.
 ///
 /// Derived: the definition by which results are judged (docs, "What counts").
@@ -160,7 +162,7 @@ fn facets_round_vertices(vertices: usize, triangles: &[[u32; 3]]) -> FacetsRound
 /// Which facets lie in one plane with at least [`PLANE_FACETS`] − 1 others that they are connected with.
 fn facets_in_planes(triangles: &[[u32; 3]], facets: &[[f64; 3]]) -> Vec<bool> {
     let flat = FLAT_DEGREES.to_radians().cos();
-    let mut groups = Groups::new(triangles.len());
+    let mut groups = Sets::new(triangles.len());
     // An edge of three facets joins none of them.
     let mut at_edge: HashMap<(u32, u32), (usize, [usize; 2])> = HashMap::with_capacity(3 * triangles.len() / 2);
     for (t, triangle) in triangles.iter().enumerate() {
@@ -175,40 +177,13 @@ fn facets_in_planes(triangles: &[[u32; 3]], facets: &[[f64; 3]]) -> Vec<bool> {
     }
     for (count, [a, b]) in at_edge.into_values() {
         if count == 2 && dot(facets[a], facets[b]) >= flat {
-            groups.join(a, b);
+            groups.join(a as u32, b as u32);
         }
     }
-    let roots: Vec<usize> = (0..triangles.len()).map(|t| groups.root(t)).collect();
+    let roots: Vec<usize> = (0..triangles.len() as u32).map(|t| groups.root(t) as usize).collect();
     let mut sizes = vec![0; triangles.len()];
     roots.iter().for_each(|&root| sizes[root] += 1);
     roots.iter().map(|&root| sizes[root] >= PLANE_FACETS).collect()
-}
-
-/// Groups of things that were joined one by one.
-pub(crate) struct Groups {
-    parents: Vec<u32>,
-}
-
-impl Groups {
-    pub(crate) fn new(count: usize) -> Self {
-        Self { parents: (0..count as u32).collect() }
-    }
-
-    /// The smallest member of the group of `i`.
-    pub(crate) fn root(&mut self, i: usize) -> usize {
-        let mut i = i as u32;
-        while self.parents[i as usize] != i {
-            let parent = self.parents[i as usize];
-            self.parents[i as usize] = self.parents[parent as usize];
-            i = self.parents[i as usize];
-        }
-        i as usize
-    }
-
-    pub(crate) fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b)] = a.min(b) as u32;
-    }
 }
 
 #[cfg(test)]

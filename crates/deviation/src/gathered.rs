@@ -8,7 +8,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::curved::Groups;
+use crate::adjacency::Sets;
 
 /// Nodes that a patch has at least; fewer are single stray values.
 ///
@@ -74,13 +74,13 @@ impl Gathered {
                 near.iter().filter(|n| touches(n.item, n.distance)).map(|n| n.item).collect()
             })
             .collect();
-        let mut groups = Groups::new(nodes.len());
+        let mut groups = Sets::new(nodes.len());
         for (i, others) in touching.iter().enumerate() {
-            others.iter().for_each(|&j| groups.join(i, j as usize));
+            others.iter().for_each(|&j| groups.join(i as u32, j));
         }
         let mut patches = vec![(0usize, Patch { share: 0.0, distance: 0.0, place: [0.0; 3] }); nodes.len()];
         for (i, node) in nodes.iter().enumerate() {
-            let (count, patch) = &mut patches[groups.root(i)];
+            let (count, patch) = &mut patches[groups.root(i as u32) as usize];
             *count += 1;
             patch.share += node.weight / total;
             if node.distance > patch.distance {
@@ -88,7 +88,7 @@ impl Gathered {
             }
         }
         let enough = |(count, patch): &(usize, Patch)| if *count >= FEWEST_NODES { patch.share } else { 0.0 };
-        let shares = (0..nodes.len()).map(|i| enough(&patches[groups.root(i)])).collect();
+        let shares = (0..nodes.len()).map(|i| enough(&patches[groups.root(i as u32) as usize])).collect();
         let mut patches: Vec<Patch> =
             patches.into_iter().filter(|(count, _)| *count >= FEWEST_NODES).map(|(_, patch)| patch).collect();
         patches.sort_by(|a, b| b.share.total_cmp(&a.share));

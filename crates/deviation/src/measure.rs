@@ -138,6 +138,21 @@ pub struct Bend {
     pub percentile_radius: f64,
 }
 
+impl Deviation {
+    /// Adds `by` to all places, where surface and scan were measured elsewhere than they lie.
+    pub fn moved(mut self, by: [f64; 3]) -> Self {
+        let optional = [&mut self.facets_to_surface, &mut self.surface_to_facets, &mut self.normal_angles];
+        let distances = optional.into_iter().flatten().chain([&mut self.scan_to_surface, &mut self.surface_to_scan]);
+        let places = distances
+            .map(|distances| &mut distances.place)
+            .chain(self.gathered.patches.iter_mut().map(|patch| &mut patch.place))
+            .chain(self.crossings.places.iter_mut().map(|crossing| &mut crossing.place))
+            .chain([&mut self.bend.place]);
+        places.for_each(|place| *place = add(*place, by));
+        self
+    }
+}
+
 /// A place of the scan beyond the tolerance, and where the surface is nearest to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Miss {

@@ -187,7 +187,8 @@ pub(crate) fn fit(
     // The functions sum to 1: what is added to all coefficients moves the surface.
     let coefficients = &found.fitted.map.coefficients() + &middle;
     found.fitted.map = SplineMap::new(found.fitted.map.space().clone(), coefficients)?;
-    Ok(found)
+    let judgement = found.judgement.moved(std::array::from_fn(|k| middle[k]));
+    Ok(Attempt { judgement, ..found })
 }
 
 /// The points of positive weight; all of them where weights follow the errors.

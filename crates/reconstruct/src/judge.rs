@@ -36,6 +36,15 @@ impl Judgement {
         verdict(&self.reasons)
     }
 
+    /// The same with `by` added to all places.
+    pub(crate) fn moved(self, by: [f64; 3]) -> Self {
+        let move_place = |reason: Reason| {
+            let place = reason.place.map(|place| std::array::from_fn(|k| place[k] + by[k]));
+            Reason { place, ..reason }
+        };
+        Self { deviation: self.deviation.moved(by), reasons: self.reasons.into_iter().map(move_place).collect() }
+    }
+
     /// Whether nothing is wrong with the surface but that it may not be near enough to the scan.
     pub(crate) fn is_sound(&self) -> bool {
         self.reasons.iter().all(|reason| reason.verdict < Verdict::Failed || reason.code == deviation::SCAN_NOT_WITHIN)

@@ -54,6 +54,10 @@ fn order_place_and_size_do_not_matter() {
             ("large", scaled(1e6), 1e6 * tolerance, 0.02),
         ] {
             let found = fitted(&lab, &points, tolerance);
+            let place = &lab.json("report.json")["result"]["deviation"]["scan_to_surface"]["place"];
+            let is_place =
+                |p: &[f64; 3]| (0..3).all(|k| (place[k].as_f64().unwrap() - p[k]).abs() <= 1e-9 * p[k].abs());
+            assert!(points.iter().any(is_place), "{name}, {change}: {place} is no point of the scan");
             assert!(
                 (found[0] - plain[0]).abs() <= (0.05 * plain[0]).max(12.0),
                 "{name}, {change}: {found:?} {plain:?}"
