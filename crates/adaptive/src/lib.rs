@@ -41,13 +41,13 @@ pub trait Solve<const D: usize> {
         None
     }
 
-    /// Asked once the asked share of the points is within the tolerance: the places to refine all the same, worst first. None
-    /// ends the loop with [`Stop::ToleranceReached`], which is what methods do that know no more than the errors of their points.
+    /// Asked once the asked share of the points is within the tolerance: what is to be done all the same. Methods that know no more
+    /// than the errors of their points find nothing.
     ///
     /// # Errors
     /// Those of the method.
-    fn missed(&mut self, _map: &SplineMap<D>) -> Result<Vec<Mark>, Self::Error> {
-        Ok(Vec::new())
+    fn missed(&mut self, _map: &SplineMap<D>) -> Result<Missed, Self::Error> {
+        Ok(Missed::Nothing)
     }
 
     /// REFINE: the space with the marked cells refined, or the same cells where none of them can be. A method with spaces of
@@ -63,6 +63,18 @@ pub trait Solve<const D: usize> {
     ) -> Result<HierarchicalSpace<D>, thb_core::Error> {
         space.refine_at(marked, refinement)
     }
+}
+
+/// What a method finds missing in a map whose points are near enough.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Missed {
+    /// Nothing: the loop ends with [`Stop::ToleranceReached`].
+    Nothing,
+    /// Places to refine, worst first; no place at all ends the loop with [`Stop::Data`].
+    Places(Vec<Mark>),
+    /// The method has changed, its smoothing for instance, and is to solve on the same space again. It answers so a limited number
+    /// of times only: the loop does not count.
+    Again,
 }
 
 /// A fitted map, and how long its parts took.

@@ -7,7 +7,7 @@ use std::time::Instant;
 use thb_core::{CellSpace, HierarchicalSpace, Mark, Refinement, SplineMap};
 
 use crate::mark::in_vain;
-use crate::{Deviation, Estimate, Marking, Solve, mark};
+use crate::{Deviation, Estimate, Marking, Missed, Solve, mark};
 
 /// Iterations without progress after which the loop gives up.
 const PATIENCE: usize = 4;
@@ -154,7 +154,7 @@ pub fn run<const D: usize, S: Solve<D>>(
     let mut history: Vec<Iteration> = Vec::new();
     loop {
         let step = iterate(method, &space, last.as_ref(), options, &history);
-        let Step { map, mut record, marked, reached } = match (step, last.take()) {
+        let Step { map, mut record, next } = match (step, last.take()) {
             (Ok(step), _) => step,
             (Err(error), Some(map)) => {
                 return Ok(Outcome { map, stop: Stop::Failed, failure: Some(error), history });
@@ -164,15 +164,16 @@ pub fn run<const D: usize, S: Solve<D>>(
         let interrupted = observer.iteration(&record).is_break();
         tracing::debug!(iteration = record.iteration, dofs = record.dofs, max = record.deviation.max, "fitted");
         let refining = Instant::now();
-        let next = match stop_before_refining(&record, &history, options, interrupted) {
-            _ if reached => Err(Stop::ToleranceReached),
-            Some(stop) => Err(stop),
-            None => refine(method, &space, &marked, options),
+        let next = match (next, stop_before_refining(&record, &history, options, interrupted)) {
+            (Next::End, _) => Err(Stop::ToleranceReached),
+            (_, Some(stop)) => Err(stop),
+            (Next::Again, None) => Ok(space),
+            (Next::Refine(marked), None) => refine(method, &space, &marked, options).map(Arc::new),
         };
         record.seconds.refine = refining.elapsed().as_secs_f64();
         history.push(record);
         match next {
-            Ok(finer) => space = Arc::new(finer),
+            Ok(next) => space = next,
             Err(stop) => return Ok(Outcome { map, stop, failure: None, history }),
         }
         last = Some(map);
@@ -225,13 +226,14 @@ fn iterate<const D: usize, S: Solve<D>>(
         refine: 0.0,
     };
     let by_rule = Marked::new(estimate, &deviation, options, history.last());
-    let is_within = deviation.within >= options.within;
-    let missed = if is_within { method.missed(&solution.map)? } else { Vec::new() };
-    let reached = is_within && missed.is_empty();
-    let marked = if is_within {
-        Marked::all(missed)
+    let next = if deviation.within >= options.within {
+        match method.missed(&solution.map)? {
+            Missed::Nothing => Next::End,
+            Missed::Places(places) => Next::Refine(Marked::all(places)),
+            Missed::Again => Next::Again,
+        }
     } else {
-        method.mark(&solution.map, options.tolerance).map_or(by_rule, Marked::all)
+        Next::Refine(method.mark(&solution.map, options.tolerance).map_or(by_rule, Marked::all))
     };
     let record = Iteration {
         iteration: history.len(),
@@ -241,16 +243,23 @@ fn iterate<const D: usize, S: Solve<D>>(
         deviation,
         seconds,
     };
-    Ok(Step { map: solution.map, record, marked, reached })
+    Ok(Step { map: solution.map, record, next })
 }
 
 /// What SOLVE, ESTIMATE and MARK made.
 struct Step<const D: usize> {
     map: SplineMap<D>,
     record: Iteration,
-    marked: Marked,
-    /// Whether the asked share is within the tolerance and the method has nothing to add.
-    reached: bool,
+    next: Next,
+}
+
+/// How the loop goes on.
+enum Next {
+    /// The asked share is within the tolerance and the method has nothing to add.
+    End,
+    Refine(Marked),
+    /// On the same space.
+    Again,
 }
 
 fn stop_before_refining<const D: usize>(

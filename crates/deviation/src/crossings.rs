@@ -4,7 +4,7 @@ use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
-use crate::adjacency::Sets;
+use crate::sets::Sets;
 use crate::{Error, Tessellation};
 
 /// Triangles of a leaf of the tree of boxes.

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 
-use crate::adjacency::Sets;
+use crate::sets::Sets;
 
 /// Angle between facets, in degrees, from which on their common edge is sharp and normals aren't averaged across it.
 ///

@@ -7,7 +7,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum Error {
     /// The image of the map is not space.
-    #[error("a surface in a space of dimension {given}; only surfaces in space, of dimension 3, can be measured")]
+    #[error("the image lies in a space of dimension {given}; what is measured lies in space, of dimension 3")]
     Dimension {
         /// Dimension of the image.
         given: usize,
@@ -33,6 +33,17 @@ pub enum Error {
     /// A parameter of the surface's space.
     #[error(transparent)]
     Space(#[from] thb_core::Error),
+    /// The parameters of a point.
+    #[error("point {index}: {source}")]
+    Parameter {
+        /// Row of the point.
+        index: usize,
+        /// What is wrong.
+        source: thb_core::Error,
+    },
+    /// Nothing to compare with.
+    #[error("there are no points")]
+    NoPoints,
     /// A surface without any extent has no area to measure.
     #[error("the surface has no area: all its triangles are degenerate")]
     NoArea,

@@ -8,7 +8,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::adjacency::Sets;
+use crate::sets::Sets;
 
 /// Nodes that a patch has at least; fewer are single stray values.
 ///

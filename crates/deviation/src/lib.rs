@@ -5,31 +5,35 @@
 //! are measured on a [`Tessellation`] with a known chord error. This crate knows surfaces, curves, points and triangles; it does not
 //! know how they were fitted.
 
-mod adjacency;
+mod creases;
 mod crossings;
 mod curved;
 mod distances;
 mod error;
-mod folds;
 mod gathered;
+mod hausdorff;
 mod measure;
 mod scan;
 mod search;
+mod sets;
 mod tessellation;
 #[cfg(test)]
 mod testing;
 mod thickness;
+mod tilted;
 mod verdict;
 
+pub use creases::creases;
 pub use crossings::{Crossing, Crossings, self_crossings};
 pub use curved::{CREASE_DEGREES, CurvedTriangles};
 pub use distances::Distances;
 pub use error::Error;
-pub use folds::{Fold, Folds, creases, folds, tilted};
 pub use gathered::{Gathered, Patch};
+pub use hausdorff::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use measure::{Bend, Deviation, Measured, Miss, ScanSide, measure, tessellate};
 pub use scan::Scan;
 pub use search::distance_across;
 pub use tessellation::Tessellation;
 pub use thickness::{CurvatureRadii, curvature_radii};
+pub use tilted::tilted;
 pub use verdict::{Reason, SCAN_NOT_WITHIN, Thresholds, Verdict, verdict};

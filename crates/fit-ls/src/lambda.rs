@@ -189,7 +189,8 @@ fn compare<const D: usize>(
     options: &Options<D>,
     trials: &mut [Trial],
 ) -> Result<(), Error> {
-    // Held-out points are spread over the window, since the points are sorted by cell.
+    // Neither the order of the points nor where they lie and how they are turned may decide which ones are held out.
+    let inside = from_the_middle(points, inside);
     let (held_out, kept): (Vec<_>, Vec<_>) = inside.iter().enumerate().partition(|(k, _)| k % HOLD_OUT == HOLD_OUT / 2);
     let of = |chosen: Vec<(usize, &usize)>| chosen.into_iter().map(|(_, &at)| at).collect::<Vec<_>>();
     let (held_out, kept) = (of(held_out), of(kept));
@@ -230,6 +231,18 @@ fn select(candidates: &[Candidate]) -> Option<f64> {
     let good: Vec<_> = candidates.iter().filter(|c| c.error <= SLACK * best).collect();
     let most = good.iter().map(|c| c.fitted).fold(0.0, f64::max);
     good.iter().rev().find(|c| c.fitted >= most - LOST_POINTS).map(|c| c.lambda)
+}
+
+/// Some of the points, by their places, in the order of their distances from their middle.
+fn from_the_middle<const D: usize>(points: &SortedPoints<D>, chosen: &[usize]) -> Vec<usize> {
+    let mut distances = vec![0.0; chosen.len()];
+    for coordinates in &points.points {
+        let middle = chosen.iter().map(|&i| coordinates[i]).sum::<f64>() / chosen.len() as f64;
+        distances.iter_mut().zip(chosen).for_each(|(d, &i)| *d += (coordinates[i] - middle).powi(2));
+    }
+    let mut order: Vec<(f64, usize)> = distances.into_iter().zip(chosen.iter().copied()).collect();
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    order.into_iter().map(|(_, i)| i).collect()
 }
 
 /// A tensor-product space on a window, with a number of functions that suits the number of points.

@@ -121,7 +121,7 @@ impl<const D: usize> LeastSquares<D> {
     }
 
     /// Uses a smoothing weight whatever the options say, or no longer.
-    pub(crate) fn hold_lambda(&mut self, lambda: Option<f64>) {
+    pub fn hold_lambda(&mut self, lambda: Option<f64>) {
         self.held = lambda;
     }
 

@@ -28,7 +28,6 @@
 mod block;
 mod boundary;
 mod cholesky;
-mod creases;
 mod cross_validation;
 mod detect;
 mod error;
@@ -36,18 +35,15 @@ mod interpolants;
 mod kernel;
 mod lambda;
 mod least_squares;
-mod metrics;
 mod normal;
 mod plain;
 mod reweight;
 mod reweighted;
 mod sorted;
-mod tilted;
 
 pub use block::BlockEquations;
 pub use boundary::{Side, boundary_coefficients, boundary_functions};
 pub use cholesky::{Cholesky, FactorizationError};
-pub use creases::creases;
 pub use detect::{Detection, detect_markers};
 pub use error::Error;
 pub use interpolants::{
@@ -56,7 +52,6 @@ pub use interpolants::{
 pub use kernel::CellSums;
 pub use lambda::{Lambda, automatic_lambda};
 pub use least_squares::{Fixed, LeastSquares, Options, eliminate};
-pub use metrics::{Hausdorff, directed_hausdorff, hausdorff, map_to_points};
 pub use normal::{NormalEquations, PointBox, box_sums};
 pub use plain::weighted_least_squares;
 pub use reweight::{
@@ -64,4 +59,3 @@ pub use reweight::{
 };
 pub use reweighted::{Reweighted, ReweightingReport, Weighted};
 pub use sorted::SortedPoints;
-pub use tilted::tilted;

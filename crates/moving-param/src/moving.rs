@@ -116,6 +116,13 @@ impl<const D: usize> MovingFit<D> {
         self.fit.lambda()
     }
 
+    /// Uses a smoothing weight from now on whatever the options say, or no longer.
+    pub fn hold_lambda(&mut self, lambda: Option<f64>) {
+        self.fit.hold_lambda(lambda);
+        // Its equations hold the smoothing.
+        self.system = None;
+    }
+
     /// The present parameters, `(m, D)`, in the order in which the points were given.
     pub fn parameters(&self) -> Array2<f64> {
         self.fit.points().parameters_as_given()

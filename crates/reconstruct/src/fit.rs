@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use deviation::{Thresholds, Verdict};
+use deviation::{Hausdorff, Thresholds, Verdict, directed_hausdorff, map_to_points};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2, Axis};
 use point_cloud::loop_length;
@@ -147,10 +147,22 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         tolerance,
         diagonal,
     };
-    let Attempt { method, fitted, dhd, hsd, creases, mut judgement } = fitting::fit(&problem, &space, options, watch)?;
+    let Attempt { method, fitted, creases, mut judgement } = fitting::fit(&problem, &space, options, watch)?;
     let Fitted {
-        map, stop, failure, history: iterations, moves, quasi, reweighting, parameters, errors, lambda, ..
+        map,
+        stop,
+        failure,
+        history: iterations,
+        moves,
+        quasi,
+        reweighting,
+        counted,
+        parameters,
+        errors,
+        lambda,
     } = fitted;
+    let Hausdorff { points_to_map: dhd, map_to_points } = distances(&map, points, &parameters, counted.as_deref())?;
+    let hsd = dhd.max(map_to_points);
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
     }
@@ -266,6 +278,24 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     model.metadata.insert("source".into(), name.into());
     let reversed = laid_out.reversed != options.flip;
     Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed })
+}
+
+/// Largest distances between a surface and the points that count, both ways.
+fn distances(
+    map: &SplineMap<2>,
+    points: &Array2<f64>,
+    parameters: &Array2<f64>,
+    counted: Option<&[bool]>,
+) -> Result<Hausdorff, Error> {
+    let kept: Option<Vec<usize>> = counted.map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect());
+    let of_kept = |all: &Array2<f64>| kept.as_ref().map(|kept| all.select(Axis(0), kept));
+    let (some_points, some_parameters) = (of_kept(points), of_kept(parameters));
+    let points = some_points.as_ref().unwrap_or(points).view();
+    let parameters = some_parameters.as_ref().unwrap_or(parameters).view();
+    Ok(Hausdorff {
+        points_to_map: directed_hausdorff(map, parameters, points)?,
+        map_to_points: map_to_points(map, points, SAMPLES)?,
+    })
 }
 
 /// Share of the cells whose middle is within [`RIM`] of a side of the domain.

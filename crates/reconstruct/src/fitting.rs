@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use adaptive::{Iteration, Observer, Outcome, Stop, run};
-use fit_ls::{LeastSquares, creases, directed_hausdorff, map_to_points, tilted};
+use deviation::{creases, tilted};
+use fit_ls::LeastSquares;
 use moving_param::{Blend, Distance, JointOptions, Moves, MovingFit, Schedule};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use param_classic::triangulate_parameters;
@@ -12,8 +13,7 @@ use point_cloud::{BoundingBox, LocalFrames};
 use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
 
 use crate::densify::{area_weights, area_weights_of_cloud, densify, spacing_weights};
-use crate::fit::SAMPLES;
-use crate::judge::{Judge, Judged, Judgement};
+use crate::judge::{Judge, Judgeable, Judged, Judgement};
 use crate::options::{BlendChoice, LambdaChoice, Method, Samples};
 use crate::quasi::{self, QuasiReport};
 use crate::reweighting::{self, ReweightingReport};
@@ -118,10 +118,6 @@ pub(crate) struct Attempt {
     /// The method; never [`Method::Auto`].
     pub(crate) method: Method,
     pub(crate) fitted: Fitted,
-    /// Largest distance of a point to the surface.
-    pub(crate) dhd: f64,
-    /// That, or of a sample of the surface to the points if larger.
-    pub(crate) hsd: f64,
     /// Share of neighbouring samples of the surface between which its normal turns by more than a right angle.
     pub(crate) creases: f64,
     /// How the surface lies on the scan.
@@ -137,8 +133,13 @@ impl Attempt {
     /// Better is what stays near the points without creases, then what has the asked share of the points within the tolerance,
     /// then what comes closest to that.
     fn rank(&self, far: f64, creased: f64, asked: f64) -> (bool, f64) {
-        let is_smooth = self.hsd <= far && self.creases <= creased && self.judgement.is_sound();
+        let is_smooth = self.farthest() <= far && self.creases <= creased && self.judgement.is_sound();
         (is_smooth, self.within().min(asked))
+    }
+
+    /// Largest distance between surface and scan, either way.
+    fn farthest(&self) -> f64 {
+        self.judgement.deviation.farthest.max(self.judgement.deviation.scan_to_surface.max)
     }
 
     /// Markers of type I that are not met.
@@ -226,7 +227,8 @@ fn fit_scan(
         .filter(|_| !by_points)
         .and_then(|curved| densify(curved, problem.parameters, space.periodic()));
     let m = problem.points.nrows();
-    let loop_judge = (!by_points).then_some(&judge);
+    let judges_loop = !by_points;
+    let softens = options.lambda == LambdaChoice::Auto;
     let Some(dense) = dense else {
         let by_area = match judge.scan().weights() {
             _ if by_points => None,
@@ -237,7 +239,8 @@ fn fit_scan(
         };
         let weights = by_area.map(|by_area| weighted(Array1::from(by_area), problem.weights));
         let weighted = Problem { weights: weights.as_ref().map_or(problem.weights, |w| Some(w.view())), ..*problem };
-        return fit_all(&weighted, &judge, loop_judge, space, options, watch);
+        let task = Task { problem: &weighted, judge: &judge, judges_loop, softens, space };
+        return fit_all(&task, options, watch);
     };
     // An added point is as sure as the mean one.
     let confidence = problem.weights.map(|given| {
@@ -256,7 +259,8 @@ fn fit_scan(
     };
     // No more control points than points of the scan.
     let most = Some(options.max_dofs.unwrap_or(m));
-    let found = fit_all(&denser, &judge, loop_judge, space, &FitOptions { max_dofs: most, ..options.clone() }, watch)?;
+    let task = Task { problem: &denser, judge: &judge, judges_loop, softens, space };
+    let found = fit_all(&task, &FitOptions { max_dofs: most, ..options.clone() }, watch)?;
     let fitted = Fitted {
         parameters: found.fitted.parameters.slice_axis(Axis(0), (..m).into()).to_owned(),
         errors: found.fitted.errors.slice_axis(Axis(0), (..m).into()).to_owned(),
@@ -278,18 +282,30 @@ fn rows_of(points: ArrayView2<'_, f64>) -> Vec<[f64; 3]> {
     points.outer_iter().map(|row| std::array::from_fn(|k| row[k])).collect()
 }
 
+/// What is to be fitted, the same in all attempts.
+struct Task<'a> {
+    problem: &'a Problem<'a>,
+    judge: &'a Judge<'a>,
+    /// Whether the loop ends by what the judge says, or by the errors of the points at their parameters.
+    judges_loop: bool,
+    /// Whether the smoothing weight is ours to change.
+    softens: bool,
+    /// The space to begin with.
+    space: &'a Arc<HierarchicalSpace<2>>,
+}
+
+impl<'a> Task<'a> {
+    fn judged<S: Judgeable>(&self, method: S, within: f64) -> Judged<'a, S> {
+        Judged::new(method, self.judges_loop.then_some(self.judge), within, self.softens)
+    }
+}
+
 /// Fits all points. Where the method is left to us, parameters move where that spares control points and does no harm.
-fn fit_all(
-    problem: &Problem<'_>,
-    judge: &Judge<'_>,
-    loop_judge: Option<&Judge<'_>>,
-    space: &Arc<HierarchicalSpace<2>>,
-    options: &FitOptions,
-    watch: &mut Watch<'_>,
-) -> Result<Attempt, Error> {
+fn fit_all(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) -> Result<Attempt, Error> {
+    let Task { problem, space, .. } = *task;
     let _ = watch(Event::Step("fitting"));
     let attempt = |method, joint: &JointOptions, options: &FitOptions, watch: &mut Watch<'_>| {
-        attempt(method, joint, problem, judge, loop_judge, space, options, watch)
+        attempt(method, joint, task, options, watch)
     };
     if options.method != Method::Auto {
         return attempt(options.method, &JOINT, options, watch);
@@ -312,7 +328,7 @@ fn fit_all(
     let may_be_softer = options.lambda == LambdaChoice::Auto && !reached;
     let tries = [(&moving, "fitting with moving parameters"), (&softer, "fitting with less smoothing")];
     let creased = if reached { fixed.creases + CREASED_MORE } else { CREASED };
-    let far = (FAR * problem.diagonal).max(if reached { FURTHER * fixed.hsd } else { 0.0 });
+    let far = (FAR * problem.diagonal).max(if reached { FURTHER * fixed.farthest() } else { 0.0 });
     let missed = fixed.missed_markers();
     let rank = |attempt: &Attempt| {
         let (is_near, within) = attempt.rank(far, creased, options.within);
@@ -326,7 +342,7 @@ fn fit_all(
         let other = attempt(Method::Joint, &JOINT, moving, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
-        tracing::debug!(reasons = ?other.judgement.reasons, hsd = other.hsd, creases = other.creases, "judged");
+        tracing::debug!(reasons = ?other.judgement.reasons, farthest = other.farthest(), creases = other.creases, "judged");
         let close = is_close(&other);
         if close || now > before {
             best = other;
@@ -383,13 +399,11 @@ impl<'a> Sides<'a> {
 fn attempt(
     method: Method,
     joint: &JointOptions,
-    problem: &Problem<'_>,
-    judge: &Judge<'_>,
-    loop_judge: Option<&Judge<'_>>,
-    space: &Arc<HierarchicalSpace<2>>,
+    task: &Task<'_>,
     options: &FitOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Attempt, Error> {
+    let Task { problem, judge, space, .. } = *task;
     let rules = loop_options(options, problem.tolerance, problem.points.nrows());
     let mut observer = |record: &Iteration| -> ControlFlow<()> { watch(Event::Iteration(record)) };
     let fitted = match (method, moving_method(method, joint, problem, options)?) {
@@ -398,22 +412,16 @@ fn attempt(
             let moving = moving.map(|moving| moving_fit(moving, problem, options)).transpose()?;
             reweighting::fit(moving, problem, space, options, &rules, &mut observer)?
         }
-        (_, Some(moving)) => moving_parameters(moving, problem, loop_judge, space, options, &rules, &mut observer)?,
-        (_, None) => fixed_parameters(problem, loop_judge, space, options, &rules, &mut observer)?,
+        (_, Some(moving)) => moving_parameters(moving, task, options, &rules, &mut observer)?,
+        (_, None) => fixed_parameters(task, options, &rules, &mut observer)?,
     };
     let _ = watch(Event::Step("measuring the surface"));
     // The surface need not come near points that count for nothing.
     let kept: Option<Vec<usize>> =
         fitted.counted.as_ref().map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect());
-    let of_kept = |all: ArrayView2<'_, f64>| kept.as_ref().map(|kept| all.select(Axis(0), kept));
-    let (some_points, some_parameters) = (of_kept(problem.points), of_kept(fitted.parameters.view()));
-    let points = some_points.as_ref().map_or(problem.points, |some| some.view());
-    let parameters = some_parameters.as_ref().map_or(fitted.parameters.view(), |some| some.view());
-    let dhd = directed_hausdorff(&fitted.map, parameters, points)?;
-    let hsd = dhd.max(map_to_points(&fitted.map, points, SAMPLES)?);
     let creases = creases(&fitted.map, CREASE_SAMPLES)?;
     let judgement = judgement(problem, judge, kept.as_deref(), &fitted, options.within)?;
-    Ok(Attempt { method, fitted, dhd, hsd, creases, judgement })
+    Ok(Attempt { method, fitted, creases, judgement })
 }
 
 /// How a surface lies on what counts of the scan.
@@ -503,17 +511,16 @@ pub(crate) fn least_squares_options(problem: &Problem<'_>, options: &FitOptions)
 }
 
 fn fixed_parameters(
-    problem: &Problem<'_>,
-    judge: Option<&Judge<'_>>,
-    space: &Arc<HierarchicalSpace<2>>,
+    task: &Task<'_>,
     options: &FitOptions,
     rules: &adaptive::Options<2>,
     observer: &mut dyn Observer,
 ) -> Result<Fitted, Error> {
+    let problem = task.problem;
     let fitting = least_squares_options(problem, options);
     let solver = LeastSquares::new(problem.parameters, problem.points, problem.weights, fitting)?;
-    let mut judged = Judged::new(solver, judge, rules.within);
-    let Outcome { map, stop, failure, history, .. } = run(&mut judged, space.clone(), rules, observer)?;
+    let mut judged = task.judged(solver, rules.within);
+    let Outcome { map, stop, failure, history, .. } = run(&mut judged, task.space.clone(), rules, observer)?;
     let mut solver = judged.method;
     let sorted = solver.distances(&map)?.to_vec();
     Ok(Fitted {
@@ -557,15 +564,14 @@ fn moving_fit(
 
 fn moving_parameters(
     method: moving_param::Method,
-    problem: &Problem<'_>,
-    judge: Option<&Judge<'_>>,
-    space: &Arc<HierarchicalSpace<2>>,
+    task: &Task<'_>,
     options: &FitOptions,
     rules: &adaptive::Options<2>,
     observer: &mut dyn Observer,
 ) -> Result<Fitted, Error> {
-    let mut judged = Judged::new(moving_fit(method, problem, options)?, judge, rules.within);
-    let Outcome { map, stop, failure, history, .. } = run(&mut judged, space.clone(), rules, observer)?;
+    let problem = task.problem;
+    let mut judged = task.judged(moving_fit(method, problem, options)?, rules.within);
+    let Outcome { map, stop, failure, history, .. } = run(&mut judged, task.space.clone(), rules, observer)?;
     let solver = judged.method;
     let parameters = solver.parameters();
     Ok(Fitted {

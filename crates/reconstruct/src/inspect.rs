@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use deviation::{Deviation, Thresholds};
-use fit_ls::map_to_points;
+use deviation::{Deviation, Thresholds, map_to_points};
 use geom_io::{
     Geometry, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions, WriteOptions,
     read_model, read_scan, write_mesh, write_model,

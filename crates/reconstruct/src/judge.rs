@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use adaptive::{Estimate, Solution, Solve};
-use deviation::{Deviation, Measured, Reason, Scan, Thresholds, Verdict, tessellate, verdict};
+use adaptive::{Estimate, Missed, Solution, Solve};
+use deviation::{Deviation, Measured, Reason, Scan, ScanSide, Thresholds, Verdict, tessellate, verdict};
 use fit_ls::{LeastSquares, SortedPoints};
 use moving_param::{Boundary, Constraints, FootPointOptions, MovingFit, foot_points};
 use ndarray::{ArrayView2, Axis};
@@ -16,6 +16,19 @@ use crate::Error;
 ///
 /// Limit: a triangulation takes a second for a million points; folds of such grids are not told.
 const MOST_IN_ORDER: usize = 100_000;
+
+/// Factor of the smoothing weight in a trial: a step of the automatic choice.
+///
+/// Derived: `fit_ls::Lambda::Auto` chooses among powers of ten.
+const SOFTER: f64 = 0.1;
+
+/// Trials with less smoothing in a fit.
+///
+/// Limit: each costs a solution on the same space.
+const TRIALS: usize = 3;
+
+/// Share of the misses that a trial may leave for the weight to stay.
+const HELPS: f64 = 0.5;
 
 /// A scan that surfaces are judged against.
 pub(crate) struct Judge<'a> {
@@ -87,57 +100,127 @@ impl<'a> Judge<'a> {
         Ok(Judgement { deviation, reasons })
     }
 
-    /// The places of a surface nearest to parts of the scan for which it is to be refined, worst first: all parts beyond the
-    /// tolerance where less than the share `within` of the scan's area is within it, those of patches of misses where
-    /// these are too large; where all that is well, the places at which the surface passes through itself.
-    fn missed(&self, map: &SplineMap<2>, parameters: ArrayView2<'_, f64>, within: f64) -> Result<Vec<Mark>, Error> {
-        let tessellation = tessellate(map, self.tolerance)?;
-        let measured = Measured::new(map, &tessellation)?;
-        let side = measured.scan_side(&self.scan, Some(parameters), self.tolerance, &self.thresholds);
-        let lacks = side.distances.within < within;
-        let mut misses = side.misses;
+    /// Where a surface misses the scan: all parts beyond the tolerance where less than the share `within` of the scan's area is within
+    /// it, else the patches of misses that are too large.
+    fn misses(
+        &self,
+        map: &SplineMap<2>,
+        measured: &Measured<'_>,
+        parameters: ArrayView2<'_, f64>,
+        within: f64,
+    ) -> Misses {
+        let ScanSide { distances, gathered, mut misses, .. } =
+            measured.scan_side(&self.scan, Some(parameters), self.tolerance, &self.thresholds);
+        let lacks = distances.within < within;
         misses.retain(|miss| lacks || miss.gathered > self.thresholds.gathered);
         misses.sort_by(|a, b| b.distance.total_cmp(&a.distance));
-        let mut marks: Vec<Mark> = Vec::new();
+        let mut places: Vec<Mark> = Vec::new();
         let mut seen = std::collections::BTreeSet::new();
         for miss in misses {
             let cell = map.space().cell(miss.cell);
             let upper = |d: usize| u8::from(2.0 * miss.parameter[d] >= cell.lower[d] + cell.upper[d]);
             let child = upper(0) | upper(1) << 1;
             if seen.insert((miss.cell, child)) {
-                marks.push(Mark { cell: miss.cell, child: Some(child) });
+                places.push(Mark { cell: miss.cell, child: Some(child) });
             }
         }
-        if marks.is_empty() {
-            // Two sheets that pass through one another may have room enough between them, once they are nearer to the scan.
-            for crossing in measured.crossings(&self.scan, self.tolerance)?.places {
-                for u in crossing.parameters {
-                    marks.push(Mark::whole(map.space().locate_cell(map.space().to_domain(u))?));
-                }
+        Misses { places, share: if lacks { 1.0 - distances.within } else { gathered.total } }
+    }
+
+    /// The cells in which a surface passes through itself. Two sheets that do may have room enough between them, once they are nearer to
+    /// the scan.
+    fn crossed(&self, map: &SplineMap<2>, measured: &Measured<'_>) -> Result<Vec<Mark>, Error> {
+        let mut places = Vec::new();
+        for crossing in measured.crossings(&self.scan, self.tolerance)?.places {
+            for u in crossing.parameters {
+                places.push(Mark::whole(map.space().locate_cell(map.space().to_domain(u))?));
             }
-            marks.sort_by_key(|mark| mark.cell);
-            marks.dedup();
         }
-        Ok(marks)
+        places.sort_by_key(|mark| mark.cell);
+        places.dedup();
+        Ok(places)
     }
 }
 
-/// A method whose points and parameters can be looked at.
-pub(crate) trait HasPoints {
+/// Where a surface misses the scan.
+struct Misses {
+    /// The places of the surface nearest to the misses, the worst first.
+    places: Vec<Mark>,
+    /// Share of the scan's area that they are.
+    share: f64,
+}
+
+/// A method that can be judged: its points can be looked at and its smoothing changed.
+pub(crate) trait Judgeable: Solve<2> {
     /// The points, in the order of the cells of the last space.
     fn sorted(&self) -> &SortedPoints<2>;
+
+    /// The smoothing weight in use.
+    fn smoothing(&self) -> Option<f64>;
+
+    /// Sets the smoothing weight.
+    fn smooth_by(&mut self, lambda: f64);
 }
 
-impl HasPoints for LeastSquares<2> {
+impl Judgeable for LeastSquares<2> {
     fn sorted(&self) -> &SortedPoints<2> {
         self.points()
     }
+
+    fn smoothing(&self) -> Option<f64> {
+        self.lambda()
+    }
+
+    fn smooth_by(&mut self, lambda: f64) {
+        self.hold_lambda(Some(lambda));
+    }
 }
 
-impl HasPoints for MovingFit<2> {
+impl Judgeable for MovingFit<2> {
     fn sorted(&self) -> &SortedPoints<2> {
         self.points()
     }
+
+    fn smoothing(&self) -> Option<f64> {
+        self.lambda()
+    }
+
+    fn smooth_by(&mut self, lambda: f64) {
+        self.hold_lambda(Some(lambda));
+    }
+}
+
+/// Trials with less smoothing. An automatic weight is chosen by points that are held out, all over the scan; where misses gather, it may
+/// flatten what is no noise, and no refinement helps there.
+#[derive(Clone, Copy, Debug)]
+struct Softening {
+    /// Trials that are left.
+    trials: usize,
+    /// The weight before the last trial and the share of the area that missed with it, until what came of the trial is known.
+    before: Option<(f64, f64)>,
+}
+
+impl Softening {
+    /// The next smoothing weight, if it is to change: softer by one decade on trial, or back where a trial left more than `HELPS` of the
+    /// misses. `missing` is the share of the area that misses with the weight `lambda`.
+    fn next(&mut self, lambda: Option<f64>, missing: f64) -> Option<Change> {
+        if let Some((lambda, share)) = self.before.take().filter(|(_, share)| missing > HELPS * share) {
+            tracing::debug!(share, missing, "less smoothing did not help");
+            self.trials = 0;
+            return Some(Change { lambda, solves_again: false });
+        }
+        let lambda = lambda.filter(|lambda| *lambda > 0.0 && self.trials > 0 && missing > 0.0)?;
+        self.trials -= 1;
+        self.before = Some((lambda, missing));
+        Some(Change { lambda: SOFTER * lambda, solves_again: true })
+    }
+}
+
+/// A new smoothing weight, and whether to solve on the same space with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Change {
+    lambda: f64,
+    solves_again: bool,
 }
 
 /// A method whose errors are distances to the closest points of the surface near the points' parameters, and whose loop ends
@@ -150,17 +233,20 @@ pub(crate) struct Judged<'a, S> {
     judge: Option<&'a Judge<'a>>,
     within: f64,
     errors: Vec<f64>,
+    softening: Softening,
 }
 
 impl<'a, S> Judged<'a, S> {
-    pub(crate) fn new(method: S, judge: Option<&'a Judge<'a>>, within: f64) -> Self {
-        Self { method, judge, within, errors: Vec::new() }
+    /// `softens`: whether the smoothing weight is ours to change.
+    pub(crate) fn new(method: S, judge: Option<&'a Judge<'a>>, within: f64, softens: bool) -> Self {
+        let softening = Softening { trials: if softens { TRIALS } else { 0 }, before: None };
+        Self { method, judge, within, errors: Vec::new(), softening }
     }
 }
 
 impl<S> Judged<'_, S>
 where
-    S: Solve<2> + HasPoints,
+    S: Judgeable,
     Error: From<S::Error>,
 {
     /// Distances to the closest points, in the order of the cells.
@@ -187,7 +273,7 @@ where
 
 impl<S> Solve<2> for Judged<'_, S>
 where
-    S: Solve<2> + HasPoints,
+    S: Judgeable,
     Error: From<S::Error>,
 {
     type Error = Error;
@@ -213,10 +299,21 @@ where
         self.method.mark(map, tolerance)
     }
 
-    fn missed(&mut self, map: &SplineMap<2>) -> Result<Vec<Mark>, Error> {
+    fn missed(&mut self, map: &SplineMap<2>) -> Result<Missed, Error> {
         let Some(judge) = self.judge else { return Ok(self.method.missed(map)?) };
+        let tessellation = tessellate(map, judge.tolerance)?;
+        let measured = Measured::new(map, &tessellation)?;
         let parameters = self.method.sorted().parameters_as_given();
-        judge.missed(map, parameters.slice_axis(Axis(0), (..judge.scan.len()).into()), self.within)
+        let of_scan = parameters.slice_axis(Axis(0), (..judge.scan.len()).into());
+        let Misses { places, share } = judge.misses(map, &measured, of_scan, self.within);
+        if let Some(change) = self.softening.next(self.method.smoothing(), share) {
+            self.method.smooth_by(change.lambda);
+            if change.solves_again {
+                return Ok(Missed::Again);
+            }
+        }
+        let places = if places.is_empty() { judge.crossed(map, &measured)? } else { places };
+        Ok(if places.is_empty() { Missed::Nothing } else { Missed::Places(places) })
     }
 
     fn refine(

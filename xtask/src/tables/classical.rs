@@ -5,7 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use fit_ls::{Lambda, LeastSquares, Options, directed_hausdorff};
+use deviation::directed_hausdorff;
+use fit_ls::{Lambda, LeastSquares, Options};
 use geom_io::{ReadOptions, read_scan};
 use ndarray::{Array2, Axis};
 use param_classic::{BOUNDARY_TOLERANCE, CloudMapParams, CloudWeights, Radius, map_cloud};

@@ -4,7 +4,6 @@ mod blocks;
 mod boundaries;
 mod closed;
 mod common;
-mod distances;
 mod equations;
 mod golden;
 mod interpolants;

@@ -308,7 +308,7 @@ fn surfaces_do_not_crease_where_parameters_move_to_a_ridge() {
         let map = fit.solve(&space, None).unwrap().map;
         let report = fit.reports()[0];
         assert!(report.rmse[1] < 0.5 * report.rmse[0], "{report:?}");
-        fit_ls::creases(&map, 8).unwrap()
+        deviation::creases(&map, 8).unwrap()
     };
     let (free, held) = (share(0.0), share(JointOptions::default().regularity));
     assert!(free > 2e-3, "{free}");

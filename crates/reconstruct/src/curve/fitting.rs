@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use adaptive::{Deviation, Iteration, Outcome, Stop};
-use fit_ls::{Lambda, LeastSquares, directed_hausdorff, map_to_points, schoenberg_whitney};
+use deviation::{Verdict, directed_hausdorff, map_to_points};
+use fit_ls::{Lambda, LeastSquares, schoenberg_whitney};
 use geom_io::{GRAPH, Model};
 use moving_param::{Blend, Distance, JointOptions, Schedule};
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate};
@@ -20,7 +21,6 @@ use super::report::{CurveInput, CurveIteration, CurveReport, CurveResult};
 use super::sequence::{self, Closing, Given, Sequence};
 use super::start::start_knots;
 use super::support::{Frame, Support, polygon_of};
-use deviation::Verdict;
 
 use super::verdict::{CurveLimits, Judgement, Subject, judge};
 use crate::fit::SAMPLES;

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use adaptive::{Deviation, Iteration, Outcome, Solve, run};
 use anyhow::{Context, Result};
-use fit_ls::{Lambda, LeastSquares, creases};
+use deviation::creases;
+use fit_ls::{Lambda, LeastSquares};
 use moving_param::{Boundary, FootPointOptions, Method, MovingFit, Options, project};
 use ndarray::Array2;
 use param_classic::triangulate_parameters;

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use adaptive::Solve as _;
 use anyhow::{Context, Result};
-use fit_ls::{Lambda, LeastSquares, Options, directed_hausdorff};
+use deviation::directed_hausdorff;
+use fit_ls::{Lambda, LeastSquares, Options};
 use moving_param::{JointOptions, Method, MovingFit};
 use ndarray::{Array2, ArrayView2};
 use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};

@@ -10,10 +10,10 @@ use crate::Error;
 /// creases between them, which distances at the points do not tell.
 ///
 /// # Errors
-/// [`Error::Shape`] unless the map goes to space; [`Error::Space`].
+/// [`Error::Dimension`] unless the map goes to space; [`Error::Space`].
 pub fn creases(map: &SplineMap<2>, samples: usize) -> Result<f64, Error> {
     if map.dim() != 3 {
-        return Err(Error::Shape { what: "dimension of the image", given: map.dim(), expected: 3 });
+        return Err(Error::Dimension { given: map.dim() });
     }
     let bezier = map.bezier();
     let per_cell = samples.max(2);

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use crate::common::Random;
-use fit_ls::{Error, Lambda, LeastSquares, Options, directed_hausdorff, hausdorff};
+use deviation::{Error, directed_hausdorff, hausdorff};
+use fit_ls::{Lambda, LeastSquares, Options};
 use ndarray::Array2;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
@@ -92,10 +93,10 @@ fn wrong_shapes_are_typed_errors() {
     let plane = surface(|u, v| [u, v, 0.0]);
     let (none, flat) = (Array2::zeros((0, 3)), Array2::zeros((4, 2)));
     assert_eq!(hausdorff(&plane, none.view(), 3), Err(Error::NoPoints));
-    assert!(matches!(hausdorff(&plane, flat.view(), 3), Err(Error::Shape { given: 2, expected: 3, .. })));
+    assert!(matches!(hausdorff(&plane, flat.view(), 3), Err(Error::Count { given: 2, expected: 3, .. })));
     let points = Array2::zeros((4, 3));
     let few = Array2::zeros((3, 2));
-    assert!(matches!(directed_hausdorff(&plane, few.view(), points.view()), Err(Error::Shape { given: 3, .. })));
+    assert!(matches!(directed_hausdorff(&plane, few.view(), points.view()), Err(Error::Count { given: 3, .. })));
     let outside = Array2::from_elem((4, 2), 1.5);
     assert!(matches!(
         directed_hausdorff(&plane, outside.view(), points.view()),

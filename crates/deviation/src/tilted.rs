@@ -7,7 +7,7 @@ use thb_core::SplineMap;
 
 use crate::Error;
 use crate::creases::{area_vector, dot};
-use crate::metrics::{check_widths, padded};
+use crate::hausdorff::{check_widths, padded};
 
 /// Points whose normals a sample is compared with. A fold may lie beside a sharp edge, with points of both its sides around it.
 const NEAREST: usize = 4;
@@ -20,7 +20,7 @@ const COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// it need not turn by a right angle.
 ///
 /// # Errors
-/// [`Error::Shape`] unless the map goes to space and there is a normal for each point; [`Error::NoPoints`].
+/// [`Error::Dimension`] unless the map goes to space; [`Error::Count`] unless there is a normal for each point; [`Error::NoPoints`].
 pub fn tilted(
     map: &SplineMap<2>,
     points: ArrayView2<'_, f64>,
@@ -29,10 +29,10 @@ pub fn tilted(
 ) -> Result<f64, Error> {
     check_widths(map, points)?;
     if map.dim() != 3 {
-        return Err(Error::Shape { what: "dimension of the image", given: map.dim(), expected: 3 });
+        return Err(Error::Dimension { given: map.dim() });
     }
     if normals.dim() != points.dim() {
-        return Err(Error::Shape { what: "normals", given: normals.nrows(), expected: points.nrows() });
+        return Err(Error::Count { what: "normals", given: normals.nrows(), expected: points.nrows() });
     }
     let (places, normals) = (padded(points), padded(normals));
     let tree: ImmutableKdTree<f64, 3> = ImmutableKdTree::new_from_slice(&places).map_err(|_| Error::NoPoints)?;
@@ -91,6 +91,6 @@ mod tests {
         let sides = 0.2 * 5.0_f64.sqrt();
         assert!((share(0.2) - sides / (0.8 + sides)).abs() < 1e-12);
         let short = normals.slice_axis(ndarray::Axis(0), (0..7).into());
-        assert!(matches!(tilted(&fin(0.0), points.view(), short, 4), Err(Error::Shape { given: 7, .. })));
+        assert!(matches!(tilted(&fin(0.0), points.view(), short, 4), Err(Error::Count { given: 7, .. })));
     }
 }

@@ -33,7 +33,7 @@ const BATCH: usize = 1 << 10;
 /// that bound, and only until it falls below the largest distance found.
 ///
 /// # Errors
-/// [`Error::Shape`], [`Error::Parameter`].
+/// [`Error::Count`], [`Error::Dimension`], [`Error::Parameter`], [`Error::NoPoints`].
 pub fn directed_hausdorff<const D: usize>(
     map: &SplineMap<D>,
     parameters: ArrayView2<'_, f64>,
@@ -41,7 +41,7 @@ pub fn directed_hausdorff<const D: usize>(
 ) -> Result<f64, Error> {
     check_widths(map, points)?;
     if parameters.dim() != (points.nrows(), D) {
-        return Err(Error::Shape { what: "rows of parameters", given: parameters.nrows(), expected: points.nrows() });
+        return Err(Error::Count { what: "rows of parameters", given: parameters.nrows(), expected: points.nrows() });
     }
     let bezier = map.bezier();
     let search = ClosestPoints::new(bezier.clone())?;
@@ -78,7 +78,7 @@ pub fn directed_hausdorff<const D: usize>(
 /// at `samples` parameters per direction and cell, to the points.
 ///
 /// # Errors
-/// [`Error::Shape`], [`Error::NoPoints`].
+/// [`Error::Count`], [`Error::Dimension`], [`Error::NoPoints`].
 pub fn hausdorff<const D: usize>(
     map: &SplineMap<D>,
     points: ArrayView2<'_, f64>,
@@ -97,7 +97,7 @@ pub fn hausdorff<const D: usize>(
 /// the map leaves the points, across a void or in a swing between them, this is what tells.
 ///
 /// # Errors
-/// [`Error::Shape`], [`Error::NoPoints`].
+/// [`Error::Count`], [`Error::Dimension`], [`Error::NoPoints`].
 pub fn map_to_points<const D: usize>(
     map: &SplineMap<D>,
     points: ArrayView2<'_, f64>,
@@ -138,10 +138,10 @@ pub(crate) fn check_widths<const D: usize>(map: &SplineMap<D>, points: ArrayView
         return Err(Error::NoPoints);
     }
     if points.ncols() != map.dim() {
-        return Err(Error::Shape { what: "coordinates of the points", given: points.ncols(), expected: map.dim() });
+        return Err(Error::Count { what: "coordinates of the points", given: points.ncols(), expected: map.dim() });
     }
     if map.dim() > 3 {
-        return Err(Error::Shape { what: "dimension of the image", given: map.dim(), expected: 3 });
+        return Err(Error::Dimension { given: map.dim() });
     }
     Ok(())
 }
