@@ -13,6 +13,7 @@
 
 mod boundary;
 mod bounds;
+mod canonical;
 mod check;
 mod clean;
 mod cloud;
@@ -52,6 +53,7 @@ pub mod vec3;
 
 pub use boundary::{BoundaryParams, CloudBoundary, find_boundary};
 pub use bounds::{BoundingBox, Normalization};
+pub use canonical::{canonical_order, canonical_triangles};
 pub use check::{LINE_TOLERANCE, MAX_COORDINATE, MIN_EXTENT, check_curve_cloud, check_finite, check_surface_cloud};
 pub use clean::{CloudPieces, Outliers, find_outliers, find_stray_pieces};
 pub use cloud::{GridShape, PointCloud, TriangleMesh};

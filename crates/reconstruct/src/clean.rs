@@ -255,7 +255,10 @@ impl Cleaned {
     }
 
     fn listed(&self, places: &[u32]) -> Vec<u32> {
-        places.iter().take(LISTED).map(|&i| self.scan.rows[i as usize]).collect()
+        let mut rows: Vec<u32> = places.iter().map(|&i| self.scan.rows[i as usize]).collect();
+        rows.sort_unstable();
+        rows.truncate(LISTED);
+        rows
     }
 
     /// Sets points with values far beyond the rest aside. A grid that is laid out along its lines stays full, with gaps.

@@ -208,9 +208,11 @@ impl Layout {
         self.refined = map.report.refinement.is_some();
     }
 
-    /// Keeps some points, increasing; triangles and boundary have to lie within them.
+    /// Keeps some points, in the order given; triangles and boundary have to lie within them.
     pub(super) fn keep(&mut self, kept: &[usize]) {
-        let place = |i: u32| kept.binary_search(&(i as usize)).unwrap_or_default() as u32;
+        let mut places = vec![None; self.rows.len()];
+        kept.iter().enumerate().for_each(|(at, &i)| places[i] = Some(at as u32));
+        let place = |i: u32| places[i as usize].unwrap_or_default();
         self.points = self.points.select(Axis(0), kept);
         self.parameters = self.parameters.select(Axis(0), kept);
         self.rows = kept.iter().map(|&i| self.rows[i]).collect();
@@ -218,7 +220,7 @@ impl Layout {
         self.boundary.iter_mut().for_each(|i| *i = place(*i));
         for rim in &mut self.rims {
             // Points of a rim may have been off the surface.
-            rim.retain(|i| kept.binary_search(&(*i as usize)).is_ok());
+            rim.retain(|i| places[*i as usize].is_some());
             rim.iter_mut().for_each(|i| *i = place(*i));
         }
         self.corners = self.corners.map(|corners| corners.map(place));

@@ -18,7 +18,10 @@ use std::{array, mem};
 use geom_io::{Format, Scan, read_scan};
 use ndarray::{Array1, Array2, ArrayView1, Axis};
 use param_classic::map_quality;
-use point_cloud::{BoundingBox, Duplicates, check_curve_cloud, check_surface_cloud, principal_axes};
+use point_cloud::{
+    BoundingBox, Duplicates, canonical_order, canonical_triangles, check_curve_cloud, check_surface_cloud,
+    principal_axes,
+};
 
 pub(crate) use self::boundary::named_rows;
 pub use self::guard::NetworkReport;
@@ -134,7 +137,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     // Beside a value far beyond the rest all others lie on a line, so that is looked at later.
     check_curve_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let read = scan.cloud.points.nrows();
-    let Cleaned { mut scan, found, report: cleaning, gaps, .. } = clean(scan, options, watch)?;
+    let Cleaned { mut scan, found, report: cleaning, gaps, .. } = clean(in_canonical_order(scan), options, watch)?;
     check_surface_cloud(scan.cloud.points.view(), MIN_POINTS)?;
     let mut warnings = scan.notes.clone();
     warnings.extend(found.warnings(&options.clean));
@@ -149,6 +152,10 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         let kept: Vec<usize> = (0..layout.rows.len()).filter(has_data).collect();
         layout.keep(&kept);
     }
+    // In the order of the file again.
+    let mut in_order: Vec<usize> = (0..layout.rows.len()).collect();
+    in_order.sort_by_key(|&at| rows[layout.rows[at] as usize]);
+    layout.keep(&in_order);
     warnings.extend(layout.warnings.iter().cloned());
     let _ = watch(Event::Step("measuring the parameters"));
     let in_file = |i: u32| rows[layout.rows[i as usize] as usize];
@@ -189,6 +196,15 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         report,
         warnings,
     })
+}
+
+/// The points of a scan, unless their order means something, in one that does not depend on how the file lists them.
+fn in_canonical_order(mut scan: Scan) -> Scan {
+    if scan.cloud.grid.is_none() && scan.cloud.parameters.is_none() {
+        scan.select(&canonical_order(scan.cloud.points.view()));
+        scan.triangles.iter_mut().for_each(|triangles| canonical_triangles(triangles));
+    }
+    scan
 }
 
 /// Lays points out in the way asked for; `rows` are theirs in the file.
