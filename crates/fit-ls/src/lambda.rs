@@ -51,6 +51,12 @@ impl Lambda {
 /// Every so many points, one is held out.
 const HOLD_OUT: usize = 10;
 
+/// Binary digits per direction of the curve along which points are counted for that.
+const CURVE_BITS: u32 = 12;
+
+/// Shift of the curve in its steps, against lines of grids at round fractions of the domain.
+const CURVE_SHIFT: f64 = std::f64::consts::FRAC_1_PI;
+
 /// Points per function of the spaces in which weights are compared. They should resolve what the final space resolves:
 /// in a coarse one all small weights look the same.
 const POINTS_PER_FUNCTION: usize = 2;
@@ -189,8 +195,7 @@ fn compare<const D: usize>(
     options: &Options<D>,
     trials: &mut [Trial],
 ) -> Result<(), Error> {
-    // Neither the order of the points nor where they lie and how they are turned may decide which ones are held out.
-    let inside = from_the_middle(points, inside);
+    let inside = along_z_curve(points, inside, window);
     let (held_out, kept): (Vec<_>, Vec<_>) = inside.iter().enumerate().partition(|(k, _)| k % HOLD_OUT == HOLD_OUT / 2);
     let of = |chosen: Vec<(usize, &usize)>| chosen.into_iter().map(|(_, &at)| at).collect::<Vec<_>>();
     let (held_out, kept) = (of(held_out), of(kept));
@@ -233,16 +238,20 @@ fn select(candidates: &[Candidate]) -> Option<f64> {
     good.iter().rev().find(|c| c.fitted >= most - LOST_POINTS).map(|c| c.lambda)
 }
 
-/// Some of the points, by their places, in the order of their distances from their middle.
-fn from_the_middle<const D: usize>(points: &SortedPoints<D>, chosen: &[usize]) -> Vec<usize> {
-    let mut distances = vec![0.0; chosen.len()];
-    for coordinates in &points.points {
-        let middle = chosen.iter().map(|&i| coordinates[i]).sum::<f64>() / chosen.len() as f64;
-        distances.iter_mut().zip(chosen).for_each(|(d, &i)| *d += (coordinates[i] - middle).powi(2));
-    }
-    let mut order: Vec<(f64, usize)> = distances.into_iter().zip(chosen.iter().copied()).collect();
-    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    order.into_iter().map(|(_, i)| i).collect()
+/// Some of the points, by their places, along a Z-curve through the window: so every tenth is spread over it, whatever the order of the
+/// points.
+fn along_z_curve<const D: usize>(points: &SortedPoints<D>, chosen: &[usize], (lower, upper): &Window<D>) -> Vec<usize> {
+    let key = |at: usize| {
+        let u = points.parameter(at);
+        // Round-off decides nothing where parameters lie on the lines of a grid, but for lines that happen to be those of the curve.
+        let steps: [u64; D] = std::array::from_fn(|d| {
+            ((u[d] - lower[d]) / (upper[d] - lower[d]) * f64::from(1 << CURVE_BITS) + CURVE_SHIFT) as u64
+        });
+        (0..=CURVE_BITS).rev().flat_map(|bit| steps.map(|step| step >> bit & 1)).fold(0_u64, |key, bit| key << 1 | bit)
+    };
+    let mut order: Vec<(u64, usize)> = chosen.iter().map(|&at| (key(at), at)).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, at)| at).collect()
 }
 
 /// A tensor-product space on a window, with a number of functions that suits the number of points.

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use adaptive::{Iteration, Observer, Outcome, Stop, run};
-use deviation::{creases, tilted};
+use deviation::{Verdict, creases, tilted};
 use fit_ls::LeastSquares;
 use moving_param::{Blend, Distance, JointOptions, Moves, MovingFit, Schedule};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
@@ -104,7 +104,7 @@ pub(crate) struct Fitted {
     pub(crate) quasi: Vec<QuasiReport>,
     /// What came of weights that follow the errors.
     pub(crate) reweighting: Option<ReweightingReport>,
-    /// Whether each point counts for the errors, where weights followed them; `None` if all do.
+    /// Whether each point counts for the errors; `None` if all do.
     pub(crate) counted: Option<Vec<bool>>,
     /// Final parameters, `(m, 2)`.
     pub(crate) parameters: Array2<f64>,
@@ -130,11 +130,14 @@ impl Attempt {
         self.fitted.history.last().map_or(0.0, |last| last.deviation.within)
     }
 
-    /// Better is what stays near the points without creases, then what has the asked share of the points within the tolerance,
-    /// then what comes closest to that.
-    fn rank(&self, far: f64, creased: f64, asked: f64) -> (bool, f64) {
-        let is_smooth = self.farthest() <= far && self.creases <= creased && self.judgement.is_sound();
-        (is_smooth, self.within().min(asked))
+    /// Better is what the judge lets pass, then what stays near the points without creases, then what has the asked share of the points
+    /// within the tolerance, then what comes closest to that.
+    fn rank(&self, far: f64, creased: f64, asked: f64) -> Rank {
+        Rank {
+            passes: self.judgement.verdict() < Verdict::Failed,
+            is_smooth: self.farthest() <= far && self.creases <= creased && self.judgement.is_sound(),
+            within: self.within().min(asked),
+        }
     }
 
     /// Largest distance between surface and scan, either way.
@@ -150,6 +153,14 @@ impl Attempt {
     fn dofs(&self) -> usize {
         self.fitted.map.space().n_functions()
     }
+}
+
+/// How good an attempt is beside others: the first that differs decides.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+struct Rank {
+    passes: bool,
+    is_smooth: bool,
+    within: f64,
 }
 
 /// Points that are ready to be fitted.
@@ -331,11 +342,11 @@ fn fit_all(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) -> Resu
     let far = (FAR * problem.diagonal).max(if reached { FURTHER * fixed.farthest() } else { 0.0 });
     let missed = fixed.missed_markers();
     let rank = |attempt: &Attempt| {
-        let (is_near, within) = attempt.rank(far, creased, options.within);
-        (is_near && attempt.missed_markers() <= missed, within)
+        let rank = attempt.rank(far, creased, options.within);
+        Rank { is_smooth: rank.is_smooth && attempt.missed_markers() <= missed, ..rank }
     };
     // What is as close as asked of moving parameters; it needs fewer control points than what was found before.
-    let is_close = |attempt: &Attempt| rank(attempt).0 && attempt.fitted.stop == Stop::ToleranceReached;
+    let is_close = |attempt: &Attempt| rank(attempt).is_smooth && attempt.fitted.stop == Stop::ToleranceReached;
     let mut best = fixed;
     for (moving, step) in tries.into_iter().take(1 + usize::from(may_be_softer)) {
         let _ = watch(Event::Step(step));
@@ -498,7 +509,9 @@ impl Heard {
             parameters.row_mut(i).assign(&uv);
         }
         let errors = errors_at(&fitted.map, &parameters, whole.points)?;
-        Ok(Fitted { parameters, errors, ..fitted })
+        let mut counted = vec![false; whole.points.nrows()];
+        self.kept.iter().for_each(|&i| counted[i] = true);
+        Ok(Fitted { parameters, errors, counted: Some(counted), ..fitted })
     }
 }
 

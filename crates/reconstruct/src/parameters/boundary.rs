@@ -59,7 +59,7 @@ fn in_order(points: ArrayView2<'_, f64>, places: Vec<u32>, may_be_in_order: bool
         points.select(Axis(0), &rows)
     };
     let given = select(&places);
-    let ordered: Vec<u32> = order_loop(given.view())?.iter().map(|&at| places[at as usize]).collect();
+    let ordered: Vec<u32> = order_loop(select(&sorted).view())?.iter().map(|&at| sorted[at as usize]).collect();
     let keeps = may_be_in_order && loop_length(given.view()) <= ABOUT * loop_length(select(&ordered).view());
     Ok(if keeps { places } else { ordered })
 }
