@@ -1,13 +1,17 @@
 //! The pipeline: read, parameterize, fit, report.
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use adaptive::Stop;
 use deviation::{Hausdorff, Thresholds, Verdict, directed_hausdorff, map_to_points};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2, Axis};
+use param_classic::triangulate_parameters;
 use point_cloud::loop_length;
+use point_cloud::vec3::norm;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
@@ -38,6 +42,16 @@ const RIM_DOFS: usize = 100;
 
 /// Length of a hole's rim, as a share of the outline's, from which on both may be the ends of a tube.
 const LIKE: f64 = 0.5;
+
+/// Length of a surface in widths from which on a fit that failed begins again with cells of its shape.
+///
+/// Derived: cells of the usual level 0 are then two refinements longer than wide.
+const FAR_LONGER: f64 = 4.0;
+
+/// Elements per direction of such a level 0, at most.
+///
+/// Limit: there may be no more functions than points.
+const MOST_ELEMENTS: f64 = 32.0;
 
 /// A fitted surface with its report and its data.
 #[derive(Clone, Debug)]
@@ -147,7 +161,22 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         tolerance,
         diagonal,
     };
-    let Attempt { method, fitted, creases, mut judgement } = fitting::fit(&problem, &space, options, watch)?;
+    let mut found = fitting::fit(&problem, &space, options, watch)?;
+    if found.judgement.verdict() == Verdict::Failed
+        && found.fitted.stop != Stop::Interrupted
+        && let Some(elements) = elements_by_shape(points, &laid_out.parameters, &triangles(&laid_out), options)
+    {
+        let _ = watch(Event::Step("fitting from cells of the shape of the part"));
+        let shaped = FitOptions { mesh: Some(Pair(elements)), ..options.clone() };
+        let space = Arc::new(HierarchicalSpace::new(Kind::Thb, level_zero_knots(&laid_out.parameters, &shaped)?)?);
+        if space.n_functions() <= shaped.max_dofs.unwrap_or(points.nrows()) {
+            let other = fitting::fit(&problem, &space, &shaped, watch)?;
+            if other.judgement.verdict() < Verdict::Failed {
+                found = other;
+            }
+        }
+    }
+    let Attempt { method, fitted, creases, mut judgement } = found;
     let Fitted {
         map,
         stop,
@@ -309,6 +338,45 @@ fn share_at_rim(space: &HierarchicalSpace<2>) -> f64 {
         })
     };
     (0..space.n_cells()).filter(is_at_rim).count() as f64 / space.n_cells() as f64
+}
+
+/// The triangles of a scan, or some over its parameters.
+fn triangles(laid_out: &Parameterized) -> Cow<'_, [[u32; 3]]> {
+    match laid_out.triangles.is_empty() {
+        true => Cow::Owned(triangulate_parameters(laid_out.parameters.view()).unwrap_or_default()),
+        false => Cow::Borrowed(&laid_out.triangles),
+    }
+}
+
+/// Elements of a level 0 whose cells are about as long as they are wide on a surface that is far longer than wide, as many as there are
+/// by default; `None` for a surface that is not, and where the user names the elements. Refinement halves cells both ways: those of a
+/// long strip become narrower than the points are apart before they are short enough.
+fn elements_by_shape(
+    points: &Array2<f64>,
+    parameters: &Array2<f64>,
+    triangles: &[[u32; 3]],
+    options: &FitOptions,
+) -> Option<[usize; 2]> {
+    let usual = options.elements();
+    if options.mesh.is_some() || options.parameters.closed.directions() != [false; 2] {
+        return None;
+    }
+    // On each triangle points are linear in the parameters.
+    let ratio_on = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| i as usize);
+        let edge = |table: &Array2<f64>, to: usize, k: usize| table[[to, k]] - table[[a, k]];
+        let [[ub, vb], [uc, vc]] = [b, c].map(|to| [edge(parameters, to, 0), edge(parameters, to, 1)]);
+        let tangent = |wb: f64, wc: f64| norm(std::array::from_fn(|k| wb * edge(points, b, k) + wc * edge(points, c, k)));
+        tangent(vc, -vb) / tangent(-uc, ub)
+    };
+    let mut ratios: Vec<f64> = triangles.iter().map(ratio_on).filter(|r| r.is_finite() && *r > 0.0).collect();
+    ratios.sort_unstable_by(f64::total_cmp);
+    let ratio = *ratios.get(ratios.len() / 2)?;
+    if ratio.max(1.0 / ratio) < FAR_LONGER {
+        return None;
+    }
+    let count = |usual: usize, factor: f64| (usual as f64 * factor.sqrt()).round().clamp(1.0, MOST_ELEMENTS) as usize;
+    Some([count(usual[0], ratio), count(usual[1], 1.0 / ratio)])
 }
 
 /// Whether a hole is about as long as the outline.
