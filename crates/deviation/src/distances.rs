@@ -1,6 +1,5 @@
 //! Statistics of distances.
 
-use rayon::slice::ParallelSliceMut;
 use serde::Serialize;
 
 /// Distances, weighed by area: those of samples of one surface to another.
@@ -27,29 +26,39 @@ pub struct Distances {
 impl Distances {
     /// The statistics of pairs of distance and weight; all are zero without a weight.
     pub fn of(mut pairs: Vec<(f64, f64)>, tolerance: f64, place: [f64; 3]) -> Self {
-        pairs.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let total: f64 = pairs.iter().map(|p| p.1).sum();
-        let Some(last) = pairs.last().filter(|_| total > 0.0) else { return Self::default() };
-        let mut found = Self { max: last.0, place, ..Self::default() };
-        let (mut below, mut mean, mut square) = (0.0, 0.0, 0.0);
-        let mut quantiles =
-            [(0.5, &mut found.median), (0.95, &mut found.p95), (0.99, &mut found.p99)].into_iter().peekable();
+        let (mut total, mut within, mut mean, mut square, mut max) = (0.0, 0.0, 0.0, 0.0, 0.0_f64);
         for &(distance, weight) in &pairs {
-            below += weight;
+            total += weight;
+            within += if distance <= tolerance { weight } else { 0.0 };
             mean += weight * distance;
             square += weight * distance * distance;
-            if distance <= tolerance {
-                found.within = below / total;
-            }
-            while let Some((_, quantile)) = quantiles.next_if(|(share, _)| below >= share * total) {
-                *quantile = distance;
-            }
+            max = max.max(distance);
         }
-        // Round-off may leave the sum of all just short of a share of their sum.
-        quantiles.for_each(|(_, quantile)| *quantile = last.0);
-        (found.mean, found.rms) = (mean / total, (square / total).sqrt());
-        found
+        if total <= 0.0 {
+            return Self::default();
+        }
+        let mut quantiles = [0.5, 0.95, 0.99].map(|share| (share * total, max));
+        find_quantiles(&mut pairs, 0.0, &mut quantiles);
+        let [median, p95, p99] = quantiles.map(|(_, distance)| distance);
+        Self { within: within / total, mean: mean / total, rms: (square / total).sqrt(), median, p95, p99, max, place }
     }
+}
+
+/// Sets the distance of each quantile, given by the weight below it, increasing: the first distance with which the weight of `below`
+/// and of all smaller ones reaches it. What is never reached, by round-off, stays as it is.
+fn find_quantiles(pairs: &mut [(f64, f64)], below: f64, quantiles: &mut [(f64, f64)]) {
+    if pairs.is_empty() || quantiles.is_empty() {
+        return;
+    }
+    let middle = pairs.len() / 2;
+    let (less, &mut (distance, weight), more) = pairs.select_nth_unstable_by(middle, |a, b| a.0.total_cmp(&b.0));
+    let with_less = below + less.iter().map(|p| p.1).sum::<f64>();
+    let in_less = quantiles.partition_point(|(asked, _)| *asked <= with_less);
+    let (low, rest) = quantiles.split_at_mut(if less.is_empty() { 0 } else { in_less });
+    find_quantiles(less, below, low);
+    let here = rest.partition_point(|(asked, _)| *asked <= with_less + weight);
+    rest[..here].iter_mut().for_each(|(_, found)| *found = distance);
+    find_quantiles(more, with_less + weight, &mut rest[here..]);
 }
 
 #[cfg(test)]
@@ -63,5 +72,28 @@ mod tests {
         assert_eq!((found.within, found.median, found.p95, found.max), (0.9, 1.0, 3.0, 3.0));
         assert!((found.mean - 1.5).abs() < 1e-15 && (found.rms - 2.7f64.sqrt()).abs() < 1e-15);
         assert_eq!(Distances::of(Vec::new(), 1.0, [0.0; 3]), Distances::default());
+    }
+
+    #[test]
+    fn quantiles_are_those_of_sorted_distances() {
+        let number = |k: u64| (k.wrapping_mul(6_364_136_223_846_793_005) >> 40) as f64 / f64::from(1 << 24);
+        for n in 1..200_u64 {
+            // Whole weights and few distances: sums are exact and many distances alike.
+            let pairs: Vec<(f64, f64)> =
+                (0..n).map(|k| ((9.0 * number(3 * k + n)).floor(), 1.0 + (4.0 * number(7 * k + n)).floor())).collect();
+            let mut sorted = pairs.clone();
+            sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let total: f64 = sorted.iter().map(|p| p.1).sum();
+            let quantile = |share: f64| {
+                let mut below = 0.0;
+                let reaches = |p: &&(f64, f64)| {
+                    below += p.1;
+                    below >= share * total
+                };
+                sorted.iter().find(reaches).unwrap().0
+            };
+            let found = Distances::of(pairs, 4.0, [0.0; 3]);
+            assert_eq!([found.median, found.p95, found.p99], [0.5, 0.95, 0.99].map(quantile), "{n}");
+        }
     }
 }

@@ -332,15 +332,8 @@ impl<'a> Measured<'a> {
                 }
                 let beyond_rim = foot.on_rim && foot.split().1 > tolerance + edge;
                 let angle = dot(facet, foot.normal);
-                parts.push(Part {
-                    place,
-                    foot,
-                    distance,
-                    area,
-                    beyond_rim,
-                    cosine: angle,
-                    side: dot(foot.offset, facet),
-                });
+                let signed = foot.distance.copysign(dot(foot.offset, facet));
+                parts.push(Part { cosine: angle, signed, ..Part::new(place, &foot, distance, area, beyond_rim) });
             });
             parts
         };
@@ -349,7 +342,7 @@ impl<'a> Measured<'a> {
         let of_vertex = |&v: &u32| {
             let place = mesh.curved.vertices()[v as usize];
             let foot = self.search.nearest(place, parameter(v), tolerance);
-            Part { place, foot, distance: foot.distance, area: 0.0, beyond_rim: false, cosine: 1.0, side: 0.0 }
+            Part::new(place, &foot, foot.distance, 0.0, false)
         };
         parts.par_extend(mesh.used.par_iter().map(of_vertex));
         let reach = |part: &Part| REACH * EDGE_OF_AREA * part.area.sqrt();
@@ -357,12 +350,16 @@ impl<'a> Measured<'a> {
         let turned = parts.iter().map(|part| part.area * part.cosine).sum::<f64>() < 0.0;
         let sign = if turned { -1.0 } else { 1.0 };
         let angles = parts.iter().map(|p| ((sign * p.cosine).clamp(-1.0, 1.0).acos().to_degrees(), p.area, p.place));
-        let signed = sum(parts.iter().map(|p| p.area * p.foot.distance.copysign(p.side)));
+        let signed = sum(parts.iter().map(|p| p.area * p.signed));
+        let found = side(&parts, &reach, tolerance, thresholds);
+        // Flat triangles are their own curved ones.
+        let is_flat = parts.iter().all(|p| p.distance == p.facet);
+        let of_facets = || summary(parts.iter().map(|p| (p.facet, p.area, p.place)), tolerance);
         ScanSide {
-            facets: Some(summary(parts.iter().map(|p| (p.foot.distance, p.area, p.place)), tolerance)),
+            facets: Some(if is_flat { found.distances } else { of_facets() }),
             signed_mean: Some(signed / mesh.area),
             normal_angles: Some(summary(angles, ACROSS_DEGREES)),
-            ..side(&parts, &reach, tolerance, thresholds)
+            ..found
         }
     }
 
@@ -379,7 +376,7 @@ impl<'a> Measured<'a> {
             let (across, along) = foot.split();
             let distance = if foot.on_rim { across } else { foot.distance };
             let beyond_rim = foot.on_rim && along > tolerance + cloud.spacing[i];
-            Part { place, foot, distance, area: cloud.weights[i], beyond_rim, cosine: 0.0, side: 0.0 }
+            Part::new(place, &foot, distance, cloud.weights[i], beyond_rim)
         };
         let parts: Vec<Part> = points.par_iter().enumerate().map(of_point).collect();
         // The weight of a point is the square of its spacing.
@@ -487,15 +484,26 @@ const ACROSS_DEGREES: f64 = 15.0;
 /// A part of a scan with its nearest point on the surface.
 struct Part {
     place: [f64; 3],
-    foot: Foot,
+    /// What counts, and the distance to the nearest point.
     distance: f64,
+    facet: f64,
     /// Area of a triangle's part, weight of a cloud's point.
     area: f64,
     beyond_rim: bool,
-    /// Of the angle between the normals of scan and surface.
+    /// Of the angle between the normals of scan and surface; of a triangle's part only.
     cosine: f64,
-    /// The sign tells the side of the surface.
-    side: f64,
+    /// The distance to the nearest point, negative behind the surface; of a triangle's part only.
+    signed: f64,
+    /// Where the nearest point is.
+    cell: u32,
+    parameter: [f64; 2],
+}
+
+impl Part {
+    fn new(place: [f64; 3], foot: &Foot, distance: f64, area: f64, beyond_rim: bool) -> Self {
+        let (facet, cell, parameter) = (foot.distance, foot.cell as u32, foot.parameter);
+        Self { place, distance, facet, area, beyond_rim, cosine: 1.0, signed: facet, cell, parameter }
+    }
 }
 
 /// The measures from the surface to the scan.
@@ -520,8 +528,8 @@ fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds
     let miss = |(part, share): (&&Part, f64)| Miss {
         place: part.place,
         distance: part.distance,
-        cell: part.foot.cell,
-        parameter: part.foot.parameter,
+        cell: part.cell as usize,
+        parameter: part.parameter,
         gathered: share,
     };
     ScanSide {

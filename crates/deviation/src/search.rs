@@ -2,7 +2,7 @@
 
 use point_cloud::TriangleTree;
 use point_cloud::vec3::{cross, dot, sub, unit};
-use thb_core::{BezierMap, CellSpace, HierarchicalSpace, SplineMap, descend};
+use thb_core::{BezierMap, CellSpace, HierarchicalSpace, Jet, SplineMap, descend};
 
 use crate::{Error, Tessellation};
 
@@ -141,10 +141,16 @@ impl<'a> SurfaceSearch<'a> {
     }
 
     fn foot(&self, point: [f64; 3], cell: usize, u: [f64; 2], distance: f64) -> Foot {
-        let mut image = [0.0; 3];
-        self.bezier.derivative(cell, u, [0, 0], &mut image);
+        let Jet { value, first, .. } = self.bezier.jet(cell, u);
         let on_rim = (0..2).any(|d| !self.periodic[d] && (u[d] <= self.domain.0[d] || u[d] >= self.domain.1[d]));
-        Foot { distance, offset: sub(point, image), normal: self.normal(cell, u), on_rim, cell, parameter: u }
+        Foot {
+            distance,
+            offset: sub(point, value),
+            normal: unit(cross(first[0], first[1])),
+            on_rim,
+            cell,
+            parameter: u,
+        }
     }
 
     /// Unit normal of the surface along `S_u × S_v`; zero where there is none.

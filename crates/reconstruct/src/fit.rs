@@ -366,7 +366,8 @@ fn elements_by_shape(
         let [a, b, c] = t.map(|i| i as usize);
         let edge = |table: &Array2<f64>, to: usize, k: usize| table[[to, k]] - table[[a, k]];
         let [[ub, vb], [uc, vc]] = [b, c].map(|to| [edge(parameters, to, 0), edge(parameters, to, 1)]);
-        let tangent = |wb: f64, wc: f64| norm(std::array::from_fn(|k| wb * edge(points, b, k) + wc * edge(points, c, k)));
+        let tangent =
+            |wb: f64, wc: f64| norm(std::array::from_fn(|k| wb * edge(points, b, k) + wc * edge(points, c, k)));
         tangent(vc, -vb) / tangent(-uc, ub)
     };
     let mut ratios: Vec<f64> = triangles.iter().map(ratio_on).filter(|r| r.is_finite() && *r > 0.0).collect();

@@ -169,19 +169,12 @@ struct Local<const D: usize> {
 
 impl<const D: usize> Local<D> {
     fn at(map: &BezierMap<D>, cell: usize, u: [f64; D], query: &[f64]) -> Self {
-        let n = map.dim();
         let (lower, upper) = map.cell_box(cell);
         let size: [f64; D] = std::array::from_fn(|d| upper[d] - lower[d]);
-        let mut residual = [0.0; 3];
-        map.derivative(cell, u, [0; D], &mut residual[..n]);
-        for k in 0..n {
-            residual[k] -= query[k];
-        }
-        let mut first = [[0.0; 3]; D];
-        for a in 0..D {
-            map.derivative(cell, u, std::array::from_fn(|d| usize::from(d == a)), &mut first[a][..n]);
-            first[a].iter_mut().for_each(|x| *x *= size[a]);
-        }
+        let jet = map.jet(cell, u);
+        let mut residual = jet.value;
+        residual.iter_mut().zip(query).for_each(|(r, q)| *r -= q);
+        let first: [[f64; 3]; D] = std::array::from_fn(|a| jet.first[a].map(|x| x * size[a]));
         let mut local = Self {
             half_squared: 0.5 * dot(&residual, &residual),
             gradient: std::array::from_fn(|a| dot(&first[a], &residual)),
@@ -190,11 +183,8 @@ impl<const D: usize> Local<D> {
         };
         for a in 0..D {
             for b in a..D {
-                let order = std::array::from_fn(|d| usize::from(d == a) + usize::from(d == b));
-                let mut second = [0.0; 3];
-                map.derivative(cell, u, order, &mut second[..n]);
                 let metric = dot(&first[a], &first[b]);
-                let full = metric + size[a] * size[b] * dot(&second, &residual);
+                let full = metric + size[a] * size[b] * dot(&jet.second[a][b], &residual);
                 (local.metric[a][b], local.metric[b][a]) = (metric, metric);
                 (local.hessian[a][b], local.hessian[b][a]) = (full, full);
             }

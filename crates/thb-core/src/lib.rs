@@ -50,7 +50,7 @@ pub use energy::{Quadrature, ThinPlate};
 pub use error::Error;
 pub use hierarchical::{HierarchicalSpace, Kind};
 pub use knots::KnotVector;
-pub use map::{BezierMap, SplineMap};
+pub use map::{BezierMap, Jet, SplineMap};
 pub use mesh::{HierarchicalMesh, NodeId};
 pub use refine::{Mark, Refinement};
 pub use small_cholesky::SmallCholesky;

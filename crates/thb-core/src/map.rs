@@ -115,6 +115,17 @@ impl<const D: usize, S: CellSpace<D>> SplineMap<D, S> {
     }
 }
 
+/// A point of a map with its first and second partial derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jet<const D: usize> {
+    /// The point.
+    pub value: [f64; 3],
+    /// First derivatives, by direction.
+    pub first: [[f64; 3]; D],
+    /// Second derivatives; symmetric in its two directions.
+    pub second: [[[f64; 3]; D]; D],
+}
+
 /// A map as one Bernstein polynomial per cell: the form in which points are evaluated fast.
 #[derive(Clone, Debug)]
 pub struct BezierMap<const D: usize> {
@@ -166,6 +177,67 @@ impl<const D: usize> BezierMap<D> {
     pub fn cell_coefficients(&self, cell: usize) -> &[f64] {
         let per_cell = self.coefficients.len() / self.boxes.len().max(1);
         &self.coefficients[cell * per_cell..(cell + 1) * per_cell]
+    }
+
+    /// The point, the first and the second derivatives of a cell's polynomial at a parameter of the domain, in one pass. Of an
+    /// image in a space of fewer than three dimensions the further coordinates are 0, of one in more only the first three are taken.
+    pub fn jet(&self, cell: usize, u: [f64; D]) -> Jet<D> {
+        match self.dim {
+            1 => self.jet_in::<1>(cell, u),
+            2 => self.jet_in::<2>(cell, u),
+            _ => self.jet_in::<3>(cell, u),
+        }
+    }
+
+    fn jet_in<const N: usize>(&self, cell: usize, u: [f64; D]) -> Jet<D> {
+        let (lower, upper) = self.boxes[cell];
+        // Values and derivatives of the polynomials of each direction.
+        let mut basis = [[[0.0; MAX_DEGREE + 1]; 3]; D];
+        for d in 0..D {
+            let size = upper[d] - lower[d];
+            for (order, out) in basis[d].iter_mut().enumerate() {
+                bernstein::derivatives(self.degree[d], order, (u[d] - lower[d]) / size, out);
+                let scale = (1.0 / size).powi(order as i32);
+                out[..=self.degree[d]].iter_mut().for_each(|value| *value *= scale);
+            }
+        }
+        let mut jet = Jet { value: [0.0; 3], first: [[0.0; 3]; D], second: [[[0.0; 3]; D]; D] };
+        let inner = self.degree[0] + 1;
+        for (line, rows) in self.cell_coefficients(cell).chunks_exact(inner * self.dim).enumerate() {
+            let mut along = [[0.0; N]; 3];
+            for (i, row) in rows.chunks_exact(self.dim).filter_map(<[f64]>::first_chunk::<N>).enumerate() {
+                for (sum, values) in along.iter_mut().zip(&basis[0]) {
+                    (0..N).for_each(|k| sum[k] += values[i] * row[k]);
+                }
+            }
+            // The polynomials of the other directions, derived as often as `orders` says.
+            let across = |orders: [usize; D]| {
+                let mut rest = line;
+                let mut weight = 1.0;
+                for d in 1..D {
+                    weight *= basis[d][orders[d]][rest % (self.degree[d] + 1)];
+                    rest /= self.degree[d] + 1;
+                }
+                weight
+            };
+            let add = |target: &mut [f64; 3], orders: [usize; D]| {
+                let weight = across(orders);
+                (0..N).for_each(|k| target[k] += weight * along[orders[0]][k]);
+            };
+            add(&mut jet.value, [0; D]);
+            for a in 0..D {
+                add(&mut jet.first[a], std::array::from_fn(|d| usize::from(d == a)));
+                for b in a..D {
+                    add(&mut jet.second[a][b], std::array::from_fn(|d| usize::from(d == a) + usize::from(d == b)));
+                }
+            }
+        }
+        for a in 0..D {
+            for b in 0..a {
+                jet.second[a][b] = jet.second[b][a];
+            }
+        }
+        jet
     }
 
     /// The partial derivative of the given order of a cell's polynomial at a parameter of the domain, to `out` (`N`

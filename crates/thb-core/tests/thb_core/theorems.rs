@@ -166,6 +166,24 @@ proptest! {
     }
 
     #[test]
+    fn a_jet_holds_all_derivatives(degree in 1_usize..=5, choices in prop::collection::vec(any::<u16>(), 0..4), seed in any::<u64>(),
+                                   u in 0.0..1.0, v in 0.0..1.0) {
+        let map = random_map(refined::<2>(Kind::Thb, degree, 2, &choices), seed);
+        let cell = map.space().locate_cell([u, v]).unwrap();
+        let jet = map.bezier().jet(cell, [u, v]);
+        let of = |order: [usize; 2]| map.derivative([u, v], order).unwrap();
+        let [[uu, uv], [vu, vv]] = jet.second;
+        for (found, order) in [(jet.value, [0, 0]), (jet.first[0], [1, 0]), (jet.first[1], [0, 1]), (uu, [2, 0]), (uv, [1, 1]),
+                               (vu, [1, 1]), (vv, [0, 2])] {
+            let expected = of(order);
+            for (k, found) in found.iter().enumerate() {
+                let expected = expected.get(k).copied().unwrap_or(0.0);
+                prop_assert!((found - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "{order:?}: {found} {expected}");
+            }
+        }
+    }
+
+    #[test]
     fn admissible_meshes_keep_few_levels_on_a_cell(hb in any::<bool>(), class in 2_usize..=3, degree in 1_usize..=3,
                                                    choices in prop::collection::vec(any::<u16>(), 1..8)) {
         let kind = if hb { Kind::Hb } else { Kind::Thb };
