@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use adaptive::Stop;
-use deviation::{Hausdorff, Thresholds, Verdict, directed_hausdorff, map_to_points};
+use deviation::{Thresholds, Verdict, directed_hausdorff};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2, Axis};
 use param_classic::triangulate_parameters;
@@ -23,9 +23,6 @@ use crate::reweighting::robust_diagonal;
 use crate::tolerance::hint;
 use crate::trim::trims;
 use crate::{Error, Event, FitOptions, ScanMeasures, Tolerance, Watch};
-
-/// Samples per direction and cell for the distance from surface to points.
-pub(crate) const SAMPLES: usize = 4;
 
 /// Control points as a share of the points from which on the user is warned: then there are hardly more equations than
 /// unknowns, in a fit with moving parameters fewer.
@@ -190,8 +187,8 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         errors,
         lambda,
     } = fitted;
-    let Hausdorff { points_to_map: dhd, map_to_points } = distances(&map, points, &parameters, counted.as_deref())?;
-    let hsd = dhd.max(map_to_points);
+    let dhd = farthest_point(&map, points, &parameters, counted.as_deref())?;
+    let hsd = dhd.max(judgement.deviation.farthest);
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
     }
@@ -309,22 +306,19 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed })
 }
 
-/// Largest distances between a surface and the points that count, both ways.
-fn distances(
+/// Largest distance of a point that counts to a surface.
+fn farthest_point(
     map: &SplineMap<2>,
     points: &Array2<f64>,
     parameters: &Array2<f64>,
     counted: Option<&[bool]>,
-) -> Result<Hausdorff, Error> {
+) -> Result<f64, Error> {
     let kept: Option<Vec<usize>> = counted.map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect());
     let of_kept = |all: &Array2<f64>| kept.as_ref().map(|kept| all.select(Axis(0), kept));
     let (some_points, some_parameters) = (of_kept(points), of_kept(parameters));
     let points = some_points.as_ref().unwrap_or(points).view();
     let parameters = some_parameters.as_ref().unwrap_or(parameters).view();
-    Ok(Hausdorff {
-        points_to_map: directed_hausdorff(map, parameters, points)?,
-        map_to_points: map_to_points(map, points, SAMPLES)?,
-    })
+    Ok(directed_hausdorff(map, parameters, points)?)
 }
 
 /// Share of the cells whose middle is within [`RIM`] of a side of the domain.

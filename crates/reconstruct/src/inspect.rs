@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use deviation::{Deviation, Thresholds, map_to_points};
+use deviation::{Deviation, Thresholds};
 use geom_io::{
     Geometry, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions, WriteOptions,
     read_model, read_scan, write_mesh, write_model,
@@ -14,7 +14,6 @@ use serde::Serialize;
 use thb_core::{CellSpace, ClosestPoints, SplineMap};
 
 use crate::clean::far_values;
-use crate::fit::SAMPLES;
 use crate::mesh::tessellate;
 use crate::{Error, Tolerance};
 
@@ -27,7 +26,7 @@ pub struct Comparison {
     pub sentinels: usize,
     /// Largest distance of a point to the surface (DHD).
     pub dhd: f64,
-    /// Two-sided Hausdorff distance (HSD): also from samples of the surface to the points.
+    /// Two-sided distance (HSD): that, or the largest distance of the surface to the scan if larger, as `deviation.farthest` has it.
     pub hsd: f64,
     /// Mean distance of a point to the surface.
     pub mean: f64,
@@ -72,8 +71,8 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
     let rows: Vec<Vec<f64>> = points.outer_iter().map(|row| row.to_vec()).collect();
     let distances: Vec<f64> = rows.par_iter().map(|row| search.closest(row).distance).collect();
     let of_points = adaptive::Deviation::new(&distances, tolerance);
-    let hsd = of_points.max.max(map_to_points(&map, points.view(), SAMPLES)?);
     let deviation = measured(&map, &points, scan.triangles, tolerance)?;
+    let hsd = of_points.max.max(deviation.farthest);
     let max_at_parameters = match scan.cloud.parameters {
         Some(parameters) if parameters.ncols() == 2 => {
             map.eval_batch(parameters.view()).ok().map(|image| largest_distance(&image, &points))

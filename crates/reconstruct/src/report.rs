@@ -111,7 +111,7 @@ pub struct ResultReport {
     pub lambda: f64,
     /// Largest distance of a point to the surface, wherever its closest point lies.
     pub dhd: f64,
-    /// Two-sided Hausdorff distance: also from samples of the surface to the points. Far above `dhd` where the surface
+    /// Two-sided distance: that, or `deviation.farthest` if larger. Far above `dhd` where the surface
     /// spans a void or swings out between points.
     pub hsd: f64,
     /// Share of neighbouring samples of the surface between which its normal turns by more than a right angle.

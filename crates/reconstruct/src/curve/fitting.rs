@@ -23,7 +23,7 @@ use super::start::start_knots;
 use super::support::{Frame, Support, polygon_of};
 
 use super::verdict::{CurveLimits, Judgement, Subject, judge};
-use crate::fit::SAMPLES;
+
 use crate::{BlendChoice, Error, Method};
 
 /// A fitted curve with its report and its data.
