@@ -95,9 +95,9 @@ const FIT_HELP: &str = "Examples:
   thb fit tile.laz --class 2 --height-field -o ground.step
       the ground of a terrain scan, as heights over x and y
 
-Input: meshes .ply .obj .off .stl; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
+Input: meshes .ply .obj .off .stl .glb .3mf; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
 (.csv with the columns i,j,x,y,z, or .pcd); height fields .asc; unordered clouds .xyz .txt .pts .csv .pcd .las .laz .e57,
-laid out by their shape or, with --height-field, by x and y. All may be compressed (.xyz.gz).
+laid out by their shape or, with --height-field, by x and y. All may be compressed (.xyz.gz) or alone in a .zip.
 
 If the tolerance is not reached, the report says why: 'levels' (allow more with --levels), 'max-dofs' (--max-dofs),
 'stagnation' (noise, or parameters that do not suit the shape; try a larger --tol or another --param).";
@@ -543,7 +543,7 @@ impl LayoutArgs {
 #[command(next_help_heading = "How it is read")]
 pub(crate) struct ReadArgs {
     /// Format by one of its extensions, such as xyz or ply, whatever the file's name is; needed for standard input.
-    /// [default: by the file's extension; .gz behind it is decompressed]
+    /// [default: by the file's extension; .gz behind it is decompressed, and a .zip with one scan inside is opened]
     #[arg(long, value_name = "EXT", value_parser = format)]
     format: Option<Format>,
     /// Columns of text files that hold x, y, z: names, or numbers from 1, as in x_km,y_km,z or 2,3,4.
@@ -555,6 +555,9 @@ pub(crate) struct ReadArgs {
     /// Take x and y, each scaled to 0 to 1, as parameters of points that have none: z is a height over them.
     #[arg(long)]
     height_field: bool,
+    /// How many times their own size compressed data (.gz, .zip, .laz, .3mf) may expand to. [default: 200]
+    #[arg(long, value_name = "TIMES")]
+    max_expand: Option<usize>,
 }
 
 impl ReadArgs {
@@ -566,6 +569,7 @@ impl ReadArgs {
             classes: self.classes.clone(),
             weights: None,
             height_field: self.height_field,
+            max_expand: self.max_expand,
         }
     }
 }

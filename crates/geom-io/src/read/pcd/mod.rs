@@ -9,9 +9,9 @@ mod lzf;
 use point_cloud::GridShape;
 
 use self::header::{Encoding, Field, Header, total};
-use super::text::{Lines, before_hash, finite};
+use super::text::{Lines, before_hash};
 use super::{Format, Scan, rows};
-use crate::error::{Location, ReadErrorKind};
+use crate::error::ReadErrorKind;
 
 /// Shortest line of a point, `0 0 0` and its end: bounds the memory reserved for an announced number of points.
 const SHORTEST_LINE: usize = 6;
@@ -28,6 +28,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
         }
     }?;
     let (read, blind) = (header.points, header.points - seen.rows.len());
+    if seen.rows.is_empty() && read > 0 {
+        return Err(ReadErrorKind::NoneFinite { points: read });
+    }
     let mut scan = Scan::new(Format::Pcd, rows(seen.points, 3));
     scan.rows = seen.rows;
     if blind > 0 {
@@ -50,15 +53,11 @@ impl Seen {
     }
 
     /// Adds a point, unless it is not a number.
-    fn push(&mut self, row: usize, xyz: [f64; 3], location: impl Fn() -> Location) -> Result<(), ReadErrorKind> {
-        if xyz.iter().any(|c| c.is_nan()) {
-            return Ok(());
+    fn push(&mut self, row: usize, xyz: [f64; 3]) {
+        if xyz.iter().all(|c| c.is_finite()) {
+            self.points.extend(xyz);
+            self.rows.push(row as u32);
         }
-        for coordinate in xyz {
-            self.points.push(finite(coordinate, &location)?);
-        }
-        self.rows.push(row as u32);
-        Ok(())
     }
 }
 
@@ -78,7 +77,7 @@ fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKin
         for (coordinate, column) in xyz.iter_mut().zip(columns) {
             *coordinate = line.number(row[column])?;
         }
-        seen.push(found, xyz, || line.location())?;
+        seen.push(found, xyz);
     }
     Ok(seen)
 }
@@ -111,7 +110,7 @@ fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, Re
             let number = bytes.get(start..).and_then(|bytes| field.number(bytes));
             xyz[axis] = number.ok_or_else(|| truncated(header, index))?;
         }
-        seen.push(index, xyz, || Location::Record { element: "point".to_owned(), index })?;
+        seen.push(index, xyz);
     }
     Ok(seen)
 }
