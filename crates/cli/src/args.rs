@@ -233,9 +233,9 @@ pub(crate) struct FitArgs {
     #[arg(long, default_value_t = QuasiOptions::default().splits, help_heading = "How it is refined")]
     splits: Pair,
 
-    /// Length unit of the coordinates: mm, m or inch.
-    #[arg(long, default_value = "mm", value_parser = unit, help_heading = "What is written")]
-    units: LengthUnit,
+    /// Length unit of the coordinates: um, mm, cm, m, inch or ft. [default: that of the file (.e57 .3mf .las), else mm]
+    #[arg(long, value_parser = unit, help_heading = "What is written")]
+    units: Option<LengthUnit>,
     /// Turn the face normal. It follows the orientation of a mesh's triangles otherwise.
     #[arg(long, help_heading = "What is written")]
     flip: bool,
@@ -397,9 +397,9 @@ pub(crate) struct CurveArgs {
     /// Largest number of control points. [default: the number of points]
     #[arg(long, help_heading = "When it is good enough")]
     max_dofs: Option<usize>,
-    /// Length unit of the coordinates: mm, m or inch.
-    #[arg(long, default_value = "mm", value_parser = unit, help_heading = "What is written")]
-    units: LengthUnit,
+    /// Length unit of the coordinates: um, mm, cm, m, inch or ft. [default: that of the file (.e57 .3mf .las), else mm]
+    #[arg(long, value_parser = unit, help_heading = "What is written")]
+    units: Option<LengthUnit>,
 }
 
 impl CurveArgs {
@@ -465,6 +465,9 @@ pub(crate) struct LayoutArgs {
     /// points that stand alone and copies are set aside, with a warning; none keeps them too.
     #[arg(long, value_delimiter = ',', value_name = "WHAT", help_heading = "How it is cleaned")]
     clean: Vec<Clean>,
+    /// Keep one piece of a mesh or cloud that has several: 1 for the largest, 2 for the next, and so on.
+    #[arg(long, value_name = "K", help_heading = "How it is cleaned")]
+    piece: Option<usize>,
     /// Keep at most as many points, well spread.
     #[arg(long, value_name = "N", help_heading = "How it is cleaned")]
     thin: Option<usize>,
@@ -521,6 +524,7 @@ impl LayoutArgs {
         ParameterOptions {
             read: self.read.options(),
             clean: self.clean.clone(),
+            piece: self.piece,
             thin: self.thin,
             crop: self.crop,
             mask: self.mask.clone(),
@@ -581,9 +585,12 @@ fn format(text: &str) -> Result<Format, String> {
 
 fn unit(text: &str) -> Result<LengthUnit, String> {
     match text {
+        "um" | "µm" | "μm" => Ok(LengthUnit::Micrometre),
         "mm" => Ok(LengthUnit::Millimetre),
+        "cm" => Ok(LengthUnit::Centimetre),
         "m" => Ok(LengthUnit::Metre),
-        "inch" => Ok(LengthUnit::Inch),
-        _ => Err("mm, m or inch".to_owned()),
+        "inch" | "in" => Ok(LengthUnit::Inch),
+        "ft" | "foot" => Ok(LengthUnit::Foot),
+        _ => Err("um, mm, cm, m, inch or ft".to_owned()),
     }
 }

@@ -157,6 +157,21 @@ pub fn read_scan(path: &Path, options: &ReadOptions) -> Result<Scan, ReadError> 
     Ok(scan)
 }
 
+/// Reads a text that stands beside a scan, such as a list of rows.
+///
+/// # Errors
+/// [`ReadError`] with the path: what the system says, [`ReadErrorKind::Endless`], [`ReadErrorKind::NotText`].
+pub fn read_text(path: &Path) -> Result<String, ReadError> {
+    let read = || {
+        let bytes = source::read(path)?;
+        String::from_utf8(bytes).map_err(|error| {
+            let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+            ReadErrorKind::NotText { line: 1 + before.iter().filter(|&&byte| byte == b'\n').count() }
+        })
+    };
+    read().map_err(|kind| ReadError { path: path.to_owned(), kind })
+}
+
 /// Reads a point cloud or mesh from the bytes of a file, which may be compressed by gzip or lie alone in a zip archive;
 /// `options.format` is not used.
 ///

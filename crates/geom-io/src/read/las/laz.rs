@@ -30,9 +30,9 @@ const VARIABLE: u32 = u32::MAX;
 /// Limit: extra bytes of a point. The decoder keeps up to 16 kB for each. Programs write fewer than 100.
 const MAX_EXTRA_BYTES: usize = 1024;
 
-/// Limit: chunks of fewer than this many points that a file may have on the average, beyond the first few. To begin a chunk takes the
-/// decoder as long as a thousand points. Programs write 50 000 points a chunk, trees of points some thousand.
-const MIN_CHUNK_POINTS: u64 = 100;
+/// Limit: bytes that the chunks of a file have on the average, beyond the first few. To begin a chunk takes the decoder as long as
+/// a thousand points, whose tables of probabilities it makes anew. Programs write 50 000 points a chunk, trees of points some thousand.
+const LEAST_CHUNK: u64 = 1000;
 const FEW_CHUNKS: u64 = 100;
 
 /// What the file says of the compression.
@@ -60,14 +60,8 @@ pub(super) fn check(bytes: &[u8]) -> Result<(), ReadErrorKind> {
         )));
     }
     let points = point_count(bytes);
-    let chunk_points = compression.chunk_points;
-    if chunk_points != VARIABLE
-        && u64::from(chunk_points) < MIN_CHUNK_POINTS
-        && points / u64::from(chunk_points.max(1)) > FEW_CHUNKS
-    {
-        return Err(damaged(format!(
-            "{points} points in chunks of {chunk_points}; chunks have {MIN_CHUNK_POINTS} points at least"
-        )));
+    if compression.chunk_points != VARIABLE {
+        check_count(points / u64::from(compression.chunk_points.max(1)), bytes)?;
     }
     if compression.is_layered { check_layers(bytes, &compression, points) } else { Ok(()) }
 }
@@ -147,13 +141,22 @@ fn check_layers(bytes: &[u8], compression: &Compression, points: u64) -> Result<
         let variable = compression.chunk_points == VARIABLE;
         done += u64::from(if variable { of_chunk.max(1) } else { compression.chunk_points.max(1) });
         chunks += 1;
-        if chunks > FEW_CHUNKS + done / MIN_CHUNK_POINTS {
-            return Err(damaged(format!(
-                "{done} points in {chunks} chunks; chunks have {MIN_CHUNK_POINTS} points at least"
-            )));
-        }
+        check_count(chunks, bytes)?;
     }
     Ok(())
+}
+
+/// Checks a number of chunks.
+///
+/// # Errors
+/// [`ReadErrorKind::Malformed`].
+pub(super) fn check_count(chunks: u64, bytes: &[u8]) -> Result<(), ReadErrorKind> {
+    match chunks > FEW_CHUNKS + bytes.len() as u64 / LEAST_CHUNK {
+        true => {
+            Err(damaged(format!("the points are in {chunks} chunks, more than a file of {} bytes needs", bytes.len())))
+        }
+        false => Ok(()),
+    }
 }
 
 fn damaged(reason: String) -> ReadErrorKind {

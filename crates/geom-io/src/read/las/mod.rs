@@ -131,7 +131,7 @@ fn drop_extended_records(bytes: &mut [u8]) {
     }
 }
 
-/// Room for the table of chunks of a LAZ file is reserved before it is checked. A chunk holds a point at least.
+/// Room for the table of chunks of a LAZ file is reserved before it is checked.
 fn check_chunk_count(bytes: &[u8]) -> Result<(), ReadErrorKind> {
     // The table's place stands before the points, or, where that could not be written, at the end.
     let points = number(bytes, POINT_OFFSET).map(u32::from_le_bytes).unwrap_or_default() as usize;
@@ -139,13 +139,7 @@ fn check_chunk_count(bytes: &[u8]) -> Result<(), ReadErrorKind> {
         let table = number(bytes, place).and_then(|table| usize::try_from(i64::from_le_bytes(table)).ok());
         let chunks = table.and_then(|table| number(bytes, table.checked_add(4)?)).map(u32::from_le_bytes);
         if table.is_some_and(|table| table > points) {
-            return match chunks {
-                Some(chunks) if chunks as usize > bytes.len() / LEAST_RECORD => Err(ReadErrorKind::Malformed {
-                    format: NAME,
-                    reason: format!("the table announces {chunks} chunks, more than fit into the file"),
-                }),
-                _ => Ok(()),
-            };
+            return chunks.map_or(Ok(()), |chunks| laz::check_count(chunks.into(), bytes));
         }
     }
     Ok(())
