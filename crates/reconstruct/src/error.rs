@@ -22,7 +22,7 @@ fn listed(sizes: &[usize], what: &str) -> String {
         shown.push("…".to_owned());
     }
     let pieces = if sizes.len() == 1 { "piece" } else { "pieces" };
-    format!("{} {pieces} of {} {what}", sizes.len(), shown.join(", "))
+    format!("{} {pieces} with [{}] {what}", sizes.len(), shown.join(", "))
 }
 
 /// Errors of this crate.

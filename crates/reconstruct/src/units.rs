@@ -20,11 +20,17 @@ pub(crate) fn hint(asked: Option<LengthUnit>, of_file: Option<LengthUnit>, diago
             Some(format!("the file is in the unit {}, --units says {}, which was taken", of_file.name(), asked.name()))
         }
         (None, None) if !USUAL_SIZE.contains(&diagonal) => Some(format!(
-            "the scan is {diagonal:.3e} mm across, since the file tells no unit; if it is in another one, --units um, cm, m, inch or ft \
-             says so"
+            "the scan is {} mm across, since the file tells no unit; if it is in another one, --units um, cm, m, inch or ft \
+             says so",
+            four_digits(diagonal)
         )),
         _ => None,
     }
+}
+
+/// A number with as many digits as anybody reads.
+fn four_digits(value: f64) -> String {
+    format!("{value:.3e}").parse().map_or_else(|_| value.to_string(), |rounded: f64| rounded.to_string())
 }
 
 pub(crate) fn serialize<S: Serializer>(unit: &Option<LengthUnit>, serializer: S) -> Result<S::Ok, S::Error> {

@@ -37,7 +37,7 @@ fn sheets(sizes: &[usize], is_soup: bool) -> String {
 fn pieces_are_listed_and_fitted_one_by_one() {
     for is_soup in [false, true] {
         let lab = Lab::with("a.off", sheets(&[8, 10, 5], is_soup));
-        let told = "3 pieces of 200, 128, 50 triangles";
+        let told = "3 pieces with [200, 128, 50] triangles";
         lab.fails("fit a.off -o a.step", 1, &["a.off", told, "--clean stray", "--piece 1"]);
         let notes = lab.prints_json("info a.off")["notes"].to_string();
         assert!(notes.contains(told), "{notes}");

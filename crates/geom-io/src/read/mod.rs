@@ -266,6 +266,17 @@ fn check_range(scan: &Scan) -> Result<(), ReadErrorKind> {
     }
 }
 
+/// Room for as many values as a file announces and has bytes for.
+///
+/// # Errors
+/// [`ReadErrorKind::Memory`].
+fn with_room<T>(count: usize) -> Result<Vec<T>, ReadErrorKind> {
+    let mut values = Vec::new();
+    let reserved = values.try_reserve_exact(count);
+    reserved.map_err(|_| ReadErrorKind::Memory { bytes: count.saturating_mul(size_of::<T>()) })?;
+    Ok(values)
+}
+
 /// Row-major `values` as an array of `columns` columns.
 fn rows(mut values: Vec<f64>, columns: usize) -> Array2<f64> {
     let count = values.len() / columns;

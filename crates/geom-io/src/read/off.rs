@@ -4,7 +4,7 @@
 
 use super::faces::{Faces, vertex_index};
 use super::text::{Line, Lines, before_hash, parse_count};
-use super::{Format, Scan, rows};
+use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
 
 /// Shortest vertex line, `0 0 0` and its end: bounds the memory reserved for an announced number of vertices.
@@ -34,7 +34,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     };
     let (vertex_count, face_count) = (count()?, count()?);
 
-    let mut coordinates = Vec::with_capacity(3 * vertex_count.min(bytes.len() / SHORTEST_LINE));
+    let mut coordinates: Vec<f64> = with_room(3 * vertex_count.min(bytes.len() / SHORTEST_LINE))?;
     for found in 0..vertex_count {
         let line = next_line().ok_or_else(|| truncated("vertex", vertex_count, found))?;
         coordinates.extend(line.xyz(line.fields())?);

@@ -2,7 +2,7 @@
 
 use super::faces::{Faces, vertex_index};
 use super::text::{Line, Lines};
-use super::{Format, Scan, rows};
+use super::{Format, Scan, rows, with_room};
 use crate::error::{Location, ReadErrorKind};
 
 /// Bytes of the title of a binary file.
@@ -44,7 +44,7 @@ fn read_binary(bytes: &[u8], announced: usize) -> Result<Scan, ReadErrorKind> {
     if records.len() < count {
         return Err(ReadErrorKind::Truncated { element: "triangle".to_owned(), expected: count, found: records.len() });
     }
-    let mut coordinates = Vec::with_capacity(9 * count);
+    let mut coordinates: Vec<f64> = with_room(9 * count)?;
     for record in &records[..count] {
         coordinates.extend(corners(record).map(f64::from));
     }
@@ -76,7 +76,7 @@ fn separate_triangles(coordinates: Vec<f64>) -> Result<Scan, ReadErrorKind> {
     let points = rows(coordinates, 3);
     let count = points.nrows();
     let index = |k: usize| vertex_index(k as i64, count, || Location::Record { element: "point".to_owned(), index: k });
-    let mut triangles = Vec::with_capacity(count / 3);
+    let mut triangles = with_room(count / 3)?;
     for t in 0..count / 3 {
         triangles.push([index(3 * t)?, index(3 * t + 1)?, index(3 * t + 2)?]);
     }

@@ -201,6 +201,15 @@ fn three_mf_that_is_broken() {
     assert!(matches!(read_3mf(&model("", "")), Err(ReadErrorKind::NoPoints)));
     assert_eq!(read_3mf(&model(corner, "")).unwrap().notes, ["nothing is built; all objects were read as they are"]);
     assert!(matches!(read_3mf("<model"), Err(ReadErrorKind::Xml { .. })));
+    let whole = model(corner, item).into_bytes();
+    for at in 0..whole.len() {
+        let _ = parse_scan(&three_mf(&String::from_utf8_lossy(&whole[..at])), Format::ThreeMf, &ReadOptions::default());
+        for byte in [b'<', b'"', b'9', b'-', 0] {
+            let mut changed = whole.clone();
+            changed[at] = byte;
+            let _ = parse_scan(&three_mf(&String::from_utf8_lossy(&changed)), Format::ThreeMf, &ReadOptions::default());
+        }
+    }
     // In circles, and 10 to the 9th.
     let circle = "<object id=\"1\"><components><component objectid=\"1\"/></components></object>";
     assert!(matches!(read_3mf(&model(circle, item)), Err(ReadErrorKind::Malformed { .. })));

@@ -10,7 +10,7 @@ use point_cloud::GridShape;
 
 use self::header::{Encoding, Field, Header, total};
 use super::text::{Lines, before_hash};
-use super::{Format, Scan, rows};
+use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
 
 /// Shortest line of a point, `0 0 0` and its end: bounds the memory reserved for an announced number of points.
@@ -48,8 +48,8 @@ struct Seen {
 }
 
 impl Seen {
-    fn with_capacity(points: usize) -> Self {
-        Self { points: Vec::with_capacity(3 * points), rows: Vec::with_capacity(points) }
+    fn with_room(points: usize) -> Result<Self, ReadErrorKind> {
+        Ok(Self { points: with_room(3 * points)?, rows: with_room(points)? })
     }
 
     /// Adds a point, unless it is not a number.
@@ -64,7 +64,7 @@ impl Seen {
 fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKind> {
     let columns = header.coordinates.map(|field| total(&header.fields[..field], |f| f.count));
     let expected = total(&header.fields, |f| f.count);
-    let mut seen = Seen::with_capacity(header.points.min(lines.rest().len() / SHORTEST_LINE));
+    let mut seen = Seen::with_room(header.points.min(lines.rest().len() / SHORTEST_LINE))?;
     let mut row = Vec::new();
     for found in 0..header.points {
         let line = lines.next_data(before_hash).ok_or_else(|| truncated(header, found))?;
@@ -98,7 +98,7 @@ fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, Re
         return Err(truncated(header, found));
     }
     let offsets = header.coordinates.map(|field| total(&header.fields[..field], Field::width));
-    let mut seen = Seen::with_capacity(header.points);
+    let mut seen = Seen::with_room(header.points)?;
     for index in 0..header.points {
         let mut xyz = [0.0; 3];
         for axis in 0..3 {

@@ -10,7 +10,7 @@ use self::body::{Body, Place};
 use self::header::{Element, Header, Kind};
 use super::faces::{Faces, vertex_index};
 use super::text::{Lines, quote};
-use super::{Format, Scan, rows};
+use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
 
 pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
@@ -63,7 +63,7 @@ fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vec<f64>, Rea
     in_file_order.sort_unstable();
     let order = columns.map(|column| in_file_order.iter().position(|&c| c == column).unwrap_or_default());
 
-    let mut coordinates = Vec::with_capacity(3 * body.at_most(element));
+    let mut coordinates: Vec<f64> = with_room(3 * body.at_most(element))?;
     body.for_each(element, &in_file_order, |xyz, _| {
         for axis in order {
             coordinates.push(xyz[axis]);
