@@ -47,8 +47,7 @@ pub(super) fn read(bytes: &[u8], classes: &[u8], budget: &mut Budget) -> Result<
     drop_extended_records(&mut bytes);
     let is_compressed = bytes.get(POINT_FORMAT).is_some_and(|format| format & IS_COMPRESSED != 0);
     if is_compressed {
-        check_chunk_count(&bytes)?;
-        laz::check(&bytes)?;
+        laz::check(&bytes, announced_chunks(&bytes))?;
     }
     let record = number(&bytes, RECORD_LENGTH).map_or(0, u16::from_le_bytes).max(1);
     let batch = (BATCH_BYTES / usize::from(record)).clamp(1, BATCH_POINTS) as u64;
@@ -131,18 +130,14 @@ fn drop_extended_records(bytes: &mut [u8]) {
     }
 }
 
-/// Room for the table of chunks of a LAZ file is reserved before it is checked.
-fn check_chunk_count(bytes: &[u8]) -> Result<(), ReadErrorKind> {
+/// The number of chunks that the table of a LAZ file announces, for which room is reserved before it is checked.
+fn announced_chunks(bytes: &[u8]) -> Option<u32> {
     // The table's place stands before the points, or, where that could not be written, at the end.
     let points = number(bytes, POINT_OFFSET).map(u32::from_le_bytes).unwrap_or_default() as usize;
-    for place in [points, bytes.len().saturating_sub(8)] {
-        let table = number(bytes, place).and_then(|table| usize::try_from(i64::from_le_bytes(table)).ok());
-        let chunks = table.and_then(|table| number(bytes, table.checked_add(4)?)).map(u32::from_le_bytes);
-        if table.is_some_and(|table| table > points) {
-            return chunks.map_or(Ok(()), |chunks| laz::check_count(chunks.into(), bytes));
-        }
-    }
-    Ok(())
+    let places = [points, bytes.len().saturating_sub(8)].into_iter();
+    let tables = places.filter_map(|place| usize::try_from(i64::from_le_bytes(number(bytes, place)?)).ok());
+    let table = tables.into_iter().find(|&table| table > points)?;
+    number(bytes, table.checked_add(4)?).map(u32::from_le_bytes)
 }
 
 fn cut_off(count: u64) -> ReadErrorKind {
