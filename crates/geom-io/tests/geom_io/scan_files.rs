@@ -37,6 +37,25 @@ pub(crate) fn las(point_format: u8, compressed: bool) -> Vec<u8> {
     writer.into_inner().unwrap().into_inner()
 }
 
+/// A LAZ file of so many points, in chunks of which the table tells the numbers of points.
+pub(crate) fn variable_chunks(count: usize) -> Vec<u8> {
+    let mut builder = Builder::from((1, 4));
+    builder.point_format = Format::new(6).unwrap();
+    builder.point_format.is_compressed = true;
+    let items = laz::LazItemRecordBuilder::default_for_point_format_id(6, 0).unwrap();
+    let record = laz::LazVlrBuilder::new(items).with_variable_chunk_size().build();
+    let mut data = Vec::new();
+    record.write_to(&mut data).unwrap();
+    let user_id = laz::LazVlr::USER_ID.to_owned();
+    builder.vlrs.push(Vlr { user_id, record_id: laz::LazVlr::RECORD_ID, description: String::new(), data });
+    let mut writer = Writer::new(Cursor::new(Vec::new()), builder.into_header().unwrap()).unwrap();
+    for k in 0..count {
+        let [x, y, z] = [k % 40, k / 40, k * k % 97].map(|c| c as f64);
+        writer.write_point(Point { x, y, z, gps_time: Some(k as f64), ..Point::default() }).unwrap();
+    }
+    writer.into_inner().unwrap().into_inner()
+}
+
 /// A LAS file with one point and a record of the coordinate system.
 pub(crate) fn las_with_record(record_id: u16, data: Vec<u8>) -> Vec<u8> {
     let mut builder = Builder::from((1, 4));

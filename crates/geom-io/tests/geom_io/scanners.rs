@@ -6,6 +6,7 @@ use geom_io::{Format, LengthUnit, ReadErrorKind as Kind, ReadOptions, Scan, pars
 use ndarray::{Array2, arr2, aview2};
 use point_cloud::GridShape;
 
+use crate::scan_files::variable_chunks;
 use crate::scan_files::{
     PCD_POINTS, POINTS, STL_TEXT, e57, equal_points, gzip, las, las_with_record, pcd_binary, pcd_compressed, pcd_text,
     stl,
@@ -47,6 +48,14 @@ fn las_and_laz_in_old_and_new_point_formats() {
             let none = read_with(Format::Las, &bytes, classes(&[9])).unwrap_err();
             assert!(matches!(&none, Kind::NoPointsOfClass { wanted, found } if wanted == &[9] && found.len() == 3));
         }
+    }
+}
+
+#[test]
+fn laz_in_chunks_of_any_length() {
+    for count in [1, 999, 70_000] {
+        let bytes = variable_chunks(count);
+        assert_eq!(read(Format::Las, &bytes).cloud.points.nrows(), count);
     }
 }
 

@@ -16,13 +16,15 @@ use crate::error::ReadErrorKind;
 const HEADER_LENGTH: usize = 94;
 const RECORD_COUNT: usize = 100;
 
-/// Bytes of the header of a variable length record; in it where the user and the length stand.
+/// Bytes of the header of a variable length record; in it where the user, the number and the length stand.
 const RECORD_HEADER: usize = 54;
 const RECORD_USER: std::ops::Range<usize> = 2..18;
+const RECORD_NUMBER: usize = 18;
 const RECORD_DATA_LENGTH: usize = 20;
 
-/// The user of the record that describes the compression.
-const USER: &[u8] = b"laszip encoded";
+/// The user and the number of the record that describes the compression.
+const USER: &[u8] = b"laszip encoded\0";
+const RECORD_ID: u16 = 22204;
 
 /// Where in that record the compressor stands, the number of points of a chunk, and the items of a point; bytes of an item.
 const COMPRESSOR: usize = 0;
@@ -100,7 +102,7 @@ fn describe(bytes: &[u8]) -> Option<Compression<'_>> {
     for _ in 0..u32::from_le_bytes(number(bytes, RECORD_COUNT)?) {
         let end = RECORD_HEADER + usize::from(u16::from_le_bytes(number(rest, RECORD_DATA_LENGTH)?));
         let record = rest.get(..end)?;
-        if record[RECORD_USER].starts_with(USER) {
+        if record[RECORD_USER].starts_with(USER) && number(record, RECORD_NUMBER) == Some(RECORD_ID.to_le_bytes()) {
             return of_record(&record[RECORD_HEADER..]);
         }
         rest = &rest[end..];
