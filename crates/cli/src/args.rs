@@ -466,7 +466,7 @@ pub(crate) struct LayoutArgs {
     #[arg(long, value_delimiter = ',', value_name = "WHAT", help_heading = "How it is cleaned")]
     clean: Vec<Clean>,
     /// Keep one piece of a mesh or cloud that has several: 1 for the largest, 2 for the next, and so on.
-    #[arg(long, value_name = "K", help_heading = "How it is cleaned")]
+    #[arg(long, value_name = "K", value_parser = piece, help_heading = "How it is cleaned")]
     piece: Option<usize>,
     /// Keep at most as many points, well spread.
     #[arg(long, value_name = "N", help_heading = "How it is cleaned")]
@@ -581,6 +581,11 @@ impl ReadArgs {
 fn format(text: &str) -> Result<Format, String> {
     let all = || Format::ALL.iter().flat_map(|format| format.extensions()).copied().collect::<Vec<_>>().join(", ");
     Format::from_extension(text.trim_start_matches('.')).map_err(|_| format!("possible are {}", all()))
+}
+
+fn piece(text: &str) -> Result<usize, String> {
+    let expected = "1 for the largest piece, 2 for the next, and so on; a run fits one of them";
+    text.parse().map_err(|_| expected.to_owned())
 }
 
 fn unit(text: &str) -> Result<LengthUnit, String> {

@@ -48,7 +48,9 @@ fn pieces_are_listed_and_fitted_one_by_one() {
             assert!(points.is_none_or(|points| points == side * side), "{option}: {report}");
         }
         lab.fails("fit a.off -o a.step --piece 4", 1, &["--piece 4", told]);
-        lab.fails("fit a.off -o a.step --piece 0", 2, &["--piece", "1 for the largest"]);
+        for wrong in ["0", "all", "-1"] {
+            lab.fails(&format!("fit a.off -o a.step --piece={wrong}"), 2, &["--piece", "1 for the largest"]);
+        }
         lab.succeeds("fit a.off -o a.step --piece 2 --levels 2 --within 0");
     }
 }
