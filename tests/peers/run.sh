@@ -26,6 +26,12 @@ fi
 
 "$python" tests/peers/check_measure.py
 
+if "$python" -c "import laspy, meshio, plyfile, pye57, pypcd4, trimesh" 2>"$work/import"; then
+    "$python" tests/peers/round_trips.py "$thb"
+else
+    echo "SKIPPED: files of other libraries (tests/peers/round_trips.txt): $(tail -n 1 "$work/import")"
+fi
+
 # A lattice of parameters, boundary included; 2^-5 is a cell boundary on many levels, 1/40 on none.
 awk 'BEGIN {
     print "u,v"

@@ -95,9 +95,9 @@ const FIT_HELP: &str = "Examples:
   thb fit tile.laz --class 2 --height-field -o ground.step
       the ground of a terrain scan, as heights over x and y
 
-Input: meshes .ply .obj .off .stl; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
+Input: meshes .ply .obj .off .stl .glb .3mf; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
 (.csv with the columns i,j,x,y,z, or .pcd); height fields .asc; unordered clouds .xyz .txt .pts .csv .pcd .las .laz .e57,
-laid out by their shape or, with --height-field, by x and y. All may be compressed (.xyz.gz).
+laid out by their shape or, with --height-field, by x and y. All may be compressed (.xyz.gz) or alone in a .zip.
 
 If the tolerance is not reached, the report says why: 'levels' (allow more with --levels), 'max-dofs' (--max-dofs),
 'stagnation' (noise, or parameters that do not suit the shape; try a larger --tol or another --param).";
@@ -233,9 +233,9 @@ pub(crate) struct FitArgs {
     #[arg(long, default_value_t = QuasiOptions::default().splits, help_heading = "How it is refined")]
     splits: Pair,
 
-    /// Length unit of the coordinates: mm, m or inch.
-    #[arg(long, default_value = "mm", value_parser = unit, help_heading = "What is written")]
-    units: LengthUnit,
+    /// Length unit of the coordinates: um, mm, cm, m, inch or ft. [default: that of the file (.e57 .3mf .las), else mm]
+    #[arg(long, value_parser = unit, help_heading = "What is written")]
+    units: Option<LengthUnit>,
     /// Turn the face normal. It follows the orientation of a mesh's triangles otherwise.
     #[arg(long, help_heading = "What is written")]
     flip: bool,
@@ -397,9 +397,9 @@ pub(crate) struct CurveArgs {
     /// Largest number of control points. [default: the number of points]
     #[arg(long, help_heading = "When it is good enough")]
     max_dofs: Option<usize>,
-    /// Length unit of the coordinates: mm, m or inch.
-    #[arg(long, default_value = "mm", value_parser = unit, help_heading = "What is written")]
-    units: LengthUnit,
+    /// Length unit of the coordinates: um, mm, cm, m, inch or ft. [default: that of the file (.e57 .3mf .las), else mm]
+    #[arg(long, value_parser = unit, help_heading = "What is written")]
+    units: Option<LengthUnit>,
 }
 
 impl CurveArgs {
@@ -465,6 +465,9 @@ pub(crate) struct LayoutArgs {
     /// points that stand alone and copies are set aside, with a warning; none keeps them too.
     #[arg(long, value_delimiter = ',', value_name = "WHAT", help_heading = "How it is cleaned")]
     clean: Vec<Clean>,
+    /// Keep one piece of a mesh or cloud that has several: 1 for the largest, 2 for the next, and so on.
+    #[arg(long, value_name = "K", value_parser = piece, help_heading = "How it is cleaned")]
+    piece: Option<usize>,
     /// Keep at most as many points, well spread.
     #[arg(long, value_name = "N", help_heading = "How it is cleaned")]
     thin: Option<usize>,
@@ -521,6 +524,7 @@ impl LayoutArgs {
         ParameterOptions {
             read: self.read.options(),
             clean: self.clean.clone(),
+            piece: self.piece,
             thin: self.thin,
             crop: self.crop,
             mask: self.mask.clone(),
@@ -543,7 +547,7 @@ impl LayoutArgs {
 #[command(next_help_heading = "How it is read")]
 pub(crate) struct ReadArgs {
     /// Format by one of its extensions, such as xyz or ply, whatever the file's name is; needed for standard input.
-    /// [default: by the file's extension; .gz behind it is decompressed]
+    /// [default: by the file's extension; .gz behind it is decompressed, and a .zip with one scan inside is opened]
     #[arg(long, value_name = "EXT", value_parser = format)]
     format: Option<Format>,
     /// Columns of text files that hold x, y, z: names, or numbers from 1, as in x_km,y_km,z or 2,3,4.
@@ -555,6 +559,9 @@ pub(crate) struct ReadArgs {
     /// Take x and y, each scaled to 0 to 1, as parameters of points that have none: z is a height over them.
     #[arg(long)]
     height_field: bool,
+    /// How many times their own size compressed data (.gz, .zip, .laz, .3mf) may expand to. [default: 200]
+    #[arg(long, value_name = "TIMES")]
+    max_expand: Option<usize>,
 }
 
 impl ReadArgs {
@@ -566,6 +573,7 @@ impl ReadArgs {
             classes: self.classes.clone(),
             weights: None,
             height_field: self.height_field,
+            max_expand: self.max_expand,
         }
     }
 }
@@ -575,11 +583,19 @@ fn format(text: &str) -> Result<Format, String> {
     Format::from_extension(text.trim_start_matches('.')).map_err(|_| format!("possible are {}", all()))
 }
 
+fn piece(text: &str) -> Result<usize, String> {
+    let expected = "1 for the largest piece, 2 for the next, and so on; a run fits one of them";
+    text.parse().map_err(|_| expected.to_owned())
+}
+
 fn unit(text: &str) -> Result<LengthUnit, String> {
     match text {
+        "um" | "µm" | "μm" => Ok(LengthUnit::Micrometre),
         "mm" => Ok(LengthUnit::Millimetre),
+        "cm" => Ok(LengthUnit::Centimetre),
         "m" => Ok(LengthUnit::Metre),
-        "inch" => Ok(LengthUnit::Inch),
-        _ => Err("mm, m or inch".to_owned()),
+        "inch" | "in" => Ok(LengthUnit::Inch),
+        "ft" | "foot" => Ok(LengthUnit::Foot),
+        _ => Err("um, mm, cm, m, inch or ft".to_owned()),
     }
 }

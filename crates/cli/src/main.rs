@@ -36,6 +36,9 @@ fn main() -> ExitCode {
             .with_ansi(io::stderr().is_terminal())
             .init();
     }
+    if let Err(error) = clean_up_when_terminated() {
+        complain(&format!("signals cannot be handled: {error}"));
+    }
     match run(cli.command) {
         Ok(code) => ExitCode::from(code),
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
@@ -88,17 +91,19 @@ fn run(command: Command) -> anyhow::Result<u8> {
 
 fn fit(args: &FitArgs) -> anyhow::Result<u8> {
     let options = args.options();
-    rayon::ThreadPoolBuilder::new().num_threads(options.threads).build_global()?;
+    let threads = at_most_four_a_core("--threads", options.threads);
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     let batch = BatchOptions {
         outputs: args.outputs.clone(),
         report: args.report.clone(),
         summary: args.summary.clone(),
-        jobs: usize::from(args.jobs),
+        jobs: at_most_four_a_core("--jobs", args.jobs.into()),
     };
     let progress = Progress::new(args.inputs.len(), options.within);
     static IS_INTERRUPTED: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| {
         if IS_INTERRUPTED.swap(true, Ordering::Relaxed) {
+            let _nothing_is_begun = reconstruct::remove_unfinished();
             process::exit(INTERRUPTED);
         }
         complain("ending after this iteration with what there is; interrupt once more to end at once");
@@ -153,8 +158,9 @@ fn fit_curve(args: &CurveArgs) -> anyhow::Result<u8> {
 fn param(args: &ParamArgs) -> anyhow::Result<()> {
     let options = args.layout.options();
     options.check()?;
-    rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global()?;
-    reconstruct::check_parameter_outputs(&args.input, &args.outputs, args.report.as_deref())?;
+    let threads = at_most_four_a_core("--threads", args.threads);
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+    reconstruct::check_parameter_outputs(&args.input, &options, &args.outputs, args.report.as_deref())?;
     let progress = Progress::new(1, 1.0);
     let mut watch = |event: reconstruct::Event<'_>| {
         progress.show(BatchEvent::Within { input: &args.input, event });
@@ -171,6 +177,34 @@ fn param(args: &ParamArgs) -> anyhow::Result<()> {
         Some(path) => reconstruct::write_report(path, &report)?,
         None => print_json(&report)?,
     }
+    Ok(())
+}
+
+/// Threads or jobs, at most four times as many as there are cores: more only take memory from each other.
+fn at_most_four_a_core(option: &str, asked: usize) -> usize {
+    let most = 4 * std::thread::available_parallelism().map_or(1, usize::from);
+    if asked > most {
+        complain(&format!("{option} {asked} is more than four times the cores; {most} are taken"));
+    }
+    asked.min(most)
+}
+
+/// Ends the process on SIGTERM as that does, without leaving files under temporary names behind.
+#[cfg(unix)]
+fn clean_up_when_terminated() -> io::Result<()> {
+    let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTERM])?;
+    std::thread::spawn(move || {
+        if let Some(signal) = signals.forever().next() {
+            let _nothing_is_begun = reconstruct::remove_unfinished();
+            // What shells give for a program that a signal ended.
+            process::exit(128 + signal);
+        }
+    });
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn clean_up_when_terminated() -> io::Result<()> {
     Ok(())
 }
 

@@ -14,6 +14,18 @@ pub(crate) fn quote(text: &str) -> String {
     }
 }
 
+/// Most names that an error lists.
+const LISTED: usize = 8;
+
+/// The first names, quoted, and how many there are beyond.
+fn listed(names: &[String]) -> String {
+    let shown: Vec<String> = names.iter().take(LISTED).map(|name| format!("{name:?}")).collect();
+    match names.len() - shown.len() {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
+    }
+}
+
 /// A scan could not be read: which file, and why.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {kind}", path.display())]
@@ -37,6 +49,8 @@ pub enum Location {
         /// Index of the record among its element's.
         index: usize,
     },
+    /// A byte of a file, or of a part of it, counted from 0.
+    Byte(u64),
     /// A value of a matrix, counted from 0 in the order of the file.
     MatrixValue {
         /// The matrix's `id`.
@@ -51,6 +65,7 @@ impl fmt::Display for Location {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
             Self::Record { element, index } => write!(f, "{element} {index} (counted from 0)"),
+            Self::Byte(byte) => write!(f, "byte {byte}"),
             Self::MatrixValue { id, index } => write!(f, "matrix {id}, value {index} (counted from 0)"),
         }
     }
@@ -79,13 +94,54 @@ pub enum ReadErrorKind {
     /// Compressed data expand beyond what scans do.
     #[error(
         "{compressed} compressed bytes expand to more than {limit}, far beyond what scans do; \
-         if they are wanted, decompress them first"
+         if they are wanted, allow more by the option --max-expand, or decompress them first"
     )]
     Expansion {
         /// Number of compressed bytes.
         compressed: usize,
         /// Number of bytes they may expand to.
         limit: usize,
+    },
+    /// A source has no end, or holds nothing.
+    #[error("no scan can be read here: {what}; give a file")]
+    Endless {
+        /// What it is.
+        what: &'static str,
+    },
+    /// The system has not as much memory as a file needs.
+    #[error(
+        "{bytes} bytes of memory are needed and cannot be had; thin the scan, or read it where there is more memory"
+    )]
+    Memory {
+        /// How many bytes were asked for.
+        bytes: usize,
+    },
+    /// Not one scan in a zip archive.
+    #[error(
+        "the zip archive holds {}: {}; unpack the file that is meant",
+        if *scans == 0 { "no scan".to_owned() } else { format!("{scans} files that may be the scan") }, listed(files)
+    )]
+    Archive {
+        /// How many of its files may be scans.
+        scans: usize,
+        /// These files; where there is none, all.
+        files: Vec<String>,
+    },
+    /// Nothing is left where points that are not a number are left out.
+    #[error("none of the {points} points has finite coordinates")]
+    NoneFinite {
+        /// Number of points in the file.
+        points: usize,
+    },
+    /// A coordinate is too large to be computed with.
+    #[error("row {row} (counted from 0): coordinate {value:e} is beyond {limit:e}; remove the point or mend the value")]
+    CoordinateRange {
+        /// Which of the points of the file it is, from 0.
+        row: u32,
+        /// The coordinate.
+        value: f64,
+        /// The limit.
+        limit: f64,
     },
     /// A decoder gave up.
     #[error("the {format} data cannot be read: {reason}")]

@@ -1,16 +1,20 @@
 //! Many parts: one after the other or several at a time; one that fails never stops the others.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use deviation::{Reason, Verdict};
+use geom_io::target_of;
 use serde::Serialize;
 
-use crate::output::{check_parameter_format, is_directory, part_name};
-use crate::{Error, Event, FitOptions, OutputPaths, ReweightingReport, fit_file, write_outputs, write_text};
+use crate::output::{all_shown, check_parameter_format, is_directory, part_name, shown};
+use crate::{
+    Error, Event, FitOptions, OutputPaths, ParameterOptions, ReweightingReport, fit_file, write_outputs, write_text,
+};
 
 /// Where the results of a batch go, and how many parts are fitted at a time.
 #[derive(Clone, Debug, Default)]
@@ -44,8 +48,10 @@ pub enum BatchEvent<'a> {
 #[derive(Clone, Debug, Serialize)]
 pub struct PartResult {
     /// The input file.
+    #[serde(serialize_with = "shown")]
     pub input: PathBuf,
     /// Files written.
+    #[serde(serialize_with = "all_shown")]
     pub outputs: Vec<PathBuf>,
     /// What became of it.
     #[serde(flatten)]
@@ -113,7 +119,8 @@ pub fn run_batch(
         .iter()
         .map(|input| OutputPaths::of(input, &batch.outputs, batch.report.as_deref()))
         .collect::<Result<_, _>>()?;
-    check_overwriting(inputs, &outputs, batch.summary.as_ref())?;
+    let read: Vec<PathBuf> = inputs.iter().chain(options.files()).cloned().collect();
+    check_overwriting(&read, &outputs, batch.summary.as_ref())?;
     let results: Mutex<Results> = Mutex::new(Results { parts: vec![None; inputs.len()], summary: Ok(()) });
     let work = |i: usize| {
         let result = fit_part(&inputs[i], &outputs[i], options, on_event);
@@ -210,10 +217,11 @@ fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> 
     if let Some(path) = files.into_iter().next() {
         return Err(Error::NeedsDirectory { path: path.clone(), count: inputs.len() });
     }
-    let mut seen: BTreeMap<String, &PathBuf> = BTreeMap::new();
+    let mut seen: BTreeMap<OsString, &PathBuf> = BTreeMap::new();
     for input in inputs {
         let name = part_name(input);
         if let Some(first) = seen.insert(name.clone(), input) {
+            let name = name.to_string_lossy().into_owned();
             return Err(Error::SameName { first: first.clone(), second: input.clone(), name });
         }
     }
@@ -224,12 +232,19 @@ fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> 
 ///
 /// # Errors
 /// [`Error::ParameterFormat`], [`Error::OutputTwice`], [`Error::OutputIsInput`].
-pub fn check_parameter_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Path>) -> Result<(), Error> {
+pub fn check_parameter_outputs(
+    input: &Path,
+    options: &ParameterOptions,
+    outputs: &[PathBuf],
+    report: Option<&Path>,
+) -> Result<(), Error> {
     for path in outputs {
         check_parameter_format(path)?;
     }
     let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
-    check_overwriting(&[input.to_owned()], &[paths], None)
+    let read: Vec<PathBuf> =
+        std::iter::once(input).chain(options.files().map(PathBuf::as_path)).map(Path::to_owned).collect();
+    check_overwriting(&read, &[paths], None)
 }
 
 pub(crate) fn check_overwriting(
@@ -251,8 +266,9 @@ pub(crate) fn check_overwriting(
     Ok(())
 }
 
-/// The same for all names of a file, also of one that is not there yet in a directory that is.
+/// The same for all names of a file, also of one that is not there yet in a directory that is, or at the end of a link.
 fn identity(path: &Path) -> PathBuf {
+    let path = &target_of(path).unwrap_or_else(|_| path.to_owned());
     let of_parent = || {
         let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Some(parent.canonicalize().ok()?.join(path.file_name()?))

@@ -6,8 +6,8 @@ use std::path::Path;
 use geom_io::{Format, ReadOptions, Scan, read_scan};
 use ndarray::{Array2, ArrayView2};
 use point_cloud::{
-    Duplicates, FarValues, GridShape, Neighbours, SubMesh, TriangleMesh, check_surface_cloud, find_isolated,
-    find_outliers, find_stray_pieces, largest_piece, thin,
+    Duplicates, FarValues, GridShape, Neighbours, Pieces, TriangleMesh, check_surface_cloud, find_isolated,
+    find_outliers, find_stray_pieces, merge_duplicate_vertices, thin, weld,
 };
 use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
@@ -146,6 +146,10 @@ pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         if !asked(Clean::Outliers) {
             cleaned.set_isolated_aside(&is_named)?;
         }
+    }
+    if let Some(piece) = options.piece {
+        let _ = watch(Event::Step("looking for pieces"));
+        cleaned.keep_piece(piece)?;
     }
     if asked(Clean::Stray) || by_shape && is_small && is_free {
         let _ = watch(Event::Step("looking for stray pieces"));
@@ -345,9 +349,8 @@ impl Cleaned {
     }
 
     fn stray(&mut self, remove: bool) -> Result<(), Error> {
-        if let Some(triangles) = &self.scan.triangles {
-            let mesh = TriangleMesh { vertices: self.scan.cloud.points.clone(), triangles: triangles.clone() };
-            let SubMesh { kept, .. } = largest_piece(&mesh)?;
+        if let Some(MeshPieces { piece_of, .. }) = mesh_pieces(&self.scan)? {
+            let kept: Vec<usize> = (0..self.scan.rows.len()).filter(|&i| piece_of[i] == Some(0)).collect();
             self.found.stray = Some(self.scan.rows.len() - kept.len());
             return if remove { self.keep(kept, "--clean stray") } else { Ok(()) };
         }
@@ -365,12 +368,61 @@ impl Cleaned {
         }
     }
 
+    /// Keeps one piece, counted from 1.
+    fn keep_piece(&mut self, asked: usize) -> Result<(), Error> {
+        let (piece_of, sizes, what) = match mesh_pieces(&self.scan)? {
+            Some(MeshPieces { piece_of, sizes }) => (piece_of, sizes, "mesh"),
+            None => {
+                check_surface_cloud(self.scan.cloud.points.view(), 4)?;
+                let pieces = find_stray_pieces(self.neighbours()?, PIECES.1)?;
+                (pieces.piece_of.into_iter().map(Some).collect(), pieces.sizes, "cloud")
+            }
+        };
+        if asked > sizes.len() {
+            return Err(Error::NoSuchPiece { asked, what, sizes });
+        }
+        let kept = (0..self.scan.rows.len()).filter(|&i| piece_of[i] == asked.checked_sub(1)).collect();
+        self.keep(kept, "--piece")
+    }
+
     fn outliers(&mut self) -> Result<(), Error> {
         let (k, factor) = OUTLIERS;
         let outliers = find_outliers(self.neighbours()?, k, factor)?;
         self.found.outliers = Some(outliers.removed.len());
         self.keep(outliers.kept, "--clean outliers")
     }
+}
+
+/// The pieces of a mesh whose vertices may stand there several times.
+pub(crate) struct MeshPieces {
+    /// The piece of each vertex, the largest being 0; none for vertices without triangles.
+    pub(crate) piece_of: Vec<Option<usize>>,
+    /// Triangles of each piece, largest first.
+    pub(crate) sizes: Vec<usize>,
+}
+
+/// The pieces of a scan with triangles; `None` without.
+pub(crate) fn mesh_pieces(scan: &Scan) -> Result<Option<MeshPieces>, Error> {
+    let Some(triangles) = &scan.triangles else { return Ok(None) };
+    let mesh = TriangleMesh { vertices: scan.cloud.points.clone(), triangles: triangles.clone() };
+    let (exact, mut duplicates, _) = merge_duplicate_vertices(&mesh);
+    let (mut joined, mut pieces) = (exact.triangles.clone(), Pieces::find(&exact)?);
+    if pieces.sizes.len() > 1 {
+        // Corners that differ in their last digits only are looked for where it matters.
+        let welded = weld(&mesh)?;
+        pieces = Pieces::find(&welded.mesh)?;
+        (joined, duplicates) = (welded.mesh.triangles, welded.duplicates);
+    }
+    let mut of_joined: Vec<Option<usize>> = vec![None; duplicates.kept.len()];
+    for (triangle, &piece) in joined.iter().zip(&pieces.piece_of) {
+        for &vertex in triangle {
+            let of_vertex = &mut of_joined[vertex as usize];
+            // Where two pieces meet in a vertex, it is of the larger one.
+            *of_vertex = Some(of_vertex.map_or(piece, |other| other.min(piece)));
+        }
+    }
+    let piece_of = duplicates.map.iter().map(|&at| of_joined[at]).collect();
+    Ok(Some(MeshPieces { piece_of, sizes: pieces.sizes }))
 }
 
 /// Points over a cell of the grid file that has a value other than 0.

@@ -4,6 +4,27 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+/// Most pieces of which the sizes are listed.
+const LISTED: usize = 8;
+
+/// The pieces of a mesh, in words.
+pub(crate) fn pieces_of(sizes: &[usize]) -> String {
+    listed(sizes, "triangles")
+}
+
+fn point_pieces_of(sizes: &[usize]) -> String {
+    listed(sizes, "points")
+}
+
+fn listed(sizes: &[usize], what: &str) -> String {
+    let mut shown: Vec<String> = sizes.iter().take(LISTED).map(usize::to_string).collect();
+    if sizes.len() > LISTED {
+        shown.push("…".to_owned());
+    }
+    let pieces = if sizes.len() == 1 { "piece" } else { "pieces" };
+    format!("{} {pieces} with [{}] {what}", sizes.len(), shown.join(", "))
+}
+
 /// Errors of this crate.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -112,6 +133,25 @@ pub enum Error {
         width: f64,
         /// Standard deviation along it.
         length: f64,
+    },
+    /// A mesh of several pieces, each too large to be stray.
+    #[error(
+        "the mesh has {}; --piece 1 fits the largest of them, --piece 2 the next, --clean stray removes all but the largest",
+        pieces_of(sizes)
+    )]
+    SeveralPieces {
+        /// Triangles of each piece, largest first.
+        sizes: Vec<usize>,
+    },
+    /// A piece was asked for that is not there.
+    #[error("--piece {asked}: the {what} has {}; they are counted from 1, the largest first", if *what == "mesh" { pieces_of(sizes) } else { point_pieces_of(sizes) })]
+    NoSuchPiece {
+        /// The piece asked for, from 1.
+        asked: usize,
+        /// `mesh` or `cloud`.
+        what: &'static str,
+        /// Triangles or points of each piece, largest first.
+        sizes: Vec<usize>,
     },
     /// An option left out all points.
     #[error("{option} leaves none of the {given} points; check that it is in the units of the file")]

@@ -22,7 +22,7 @@ use crate::report::{InputReport, Report, ResultReport, history, sides};
 use crate::reweighting::robust_diagonal;
 use crate::tolerance::hint;
 use crate::trim::trims;
-use crate::{Error, Event, FitOptions, ScanMeasures, Tolerance, Watch};
+use crate::{Error, Event, FitOptions, ScanMeasures, Tolerance, Watch, units};
 
 /// Control points as a share of the points from which on the user is warned: then there are hardly more equations than
 /// unknowns, in a fit with moving parameters fewer.
@@ -103,12 +103,14 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     options.check()?;
     let span = tracing::info_span!("fit", name);
     let _guard = span.enter();
-    let format = scan.format;
+    let (format, of_file) = (scan.format, scan.unit);
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let asked = options;
+    let unit = units::resolve(asked.units, of_file);
     let options = &asked.with_closed(laid_out.closed);
     let mut warnings = laid_out.warnings.clone();
+    warnings.extend(units::hint(asked.units, of_file, laid_out.diagonal));
     let points = &laid_out.points;
     let for_few = options.for_few(points.nrows());
     let options = for_few.as_ref().unwrap_or(options);
@@ -270,7 +272,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             corners: laid_out.report.corners,
         },
         parameterization: laid_out.report,
-        options: asked.clone(),
+        options: FitOptions { units: Some(unit), ..asked.clone() },
         result: ResultReport {
             method,
             dofs: last.dofs,
@@ -300,7 +302,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         history: history(&iterations, &moves, &quasi),
         warnings,
     };
-    let mut model = Model::surface(map, options.units);
+    let mut model = Model::surface(map, unit);
     model.metadata.insert("source".into(), name.into());
     let reversed = laid_out.reversed != options.flip;
     Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed })

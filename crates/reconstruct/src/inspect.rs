@@ -4,8 +4,8 @@ use std::path::Path;
 
 use deviation::{Deviation, Thresholds};
 use geom_io::{
-    Geometry, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions, WriteOptions,
-    read_model, read_scan, write_mesh, write_model,
+    Geometry, LengthUnit, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions,
+    WriteOptions, read_model, read_scan, write_mesh, write_model,
 };
 use ndarray::{Array2, Axis};
 use point_cloud::{BoundingBox, TriangleMesh, merge_duplicate_vertices};
@@ -13,9 +13,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 use thb_core::{CellSpace, ClosestPoints, SplineMap};
 
-use crate::clean::far_values;
+use crate::clean::{MeshPieces, far_values, mesh_pieces};
+use crate::error::pieces_of;
 use crate::mesh::tessellate;
-use crate::{Error, Tolerance};
+use crate::{Error, Tolerance, units};
 
 /// Deviation of a cloud from a model.
 #[derive(Clone, Debug, Serialize)]
@@ -224,6 +225,8 @@ pub enum Info {
         bounds: [Vec<f64>; 2],
         /// Its diagonal.
         diagonal: f64,
+        /// Length unit, where the file tells it.
+        unit: Option<&'static str>,
         /// Remarks of the reader.
         notes: Vec<String>,
     },
@@ -245,7 +248,13 @@ pub fn info(path: &Path, read: &ReadOptions) -> Result<Info, Error> {
     };
     let bounds = BoundingBox::of(scan.cloud.points.view())?;
     let far = far_values(scan.cloud.points.view(), scan.triangles.as_deref())?;
+    // Triangles that are joined wrongly are told where they are fitted.
+    let pieces = mesh_pieces(&scan).unwrap_or(None);
     let mut notes = scan.notes;
+    if let Some(MeshPieces { sizes, .. }) = pieces.filter(|pieces| pieces.sizes.len() > 1) {
+        notes.push(format!("the mesh has {}; thb fit --piece 1 fits the largest of them", pieces_of(&sizes)));
+    }
+    notes.extend(units::hint(None, scan.unit, far.bounds.diagonal()));
     if let [first, ..] = far.rows[..] {
         notes.push(format!(
             "{} points have values far beyond the rest, the first in row {}; thb fit sets them aside, and the diagonal without them is {:.6e}",
@@ -262,6 +271,7 @@ pub fn info(path: &Path, read: &ReadOptions) -> Result<Info, Error> {
         parameters: scan.cloud.parameters.is_some(),
         grid: scan.cloud.grid.map(|grid| [grid.n_u, grid.n_v]),
         diagonal: bounds.diagonal(),
+        unit: scan.unit.map(LengthUnit::name),
         bounds: [bounds.lower, bounds.upper].map(|corner| corner.to_vec()),
         notes,
     })

@@ -42,6 +42,7 @@ mod report;
 mod reweighting;
 mod tolerance;
 mod trim;
+mod units;
 mod watch;
 
 pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
@@ -78,7 +79,7 @@ pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};
-pub use geom_io::{Format, LengthUnit, ReadOptions};
+pub use geom_io::{Format, LengthUnit, ReadOptions, remove_unfinished};
 
 /// The code of the book's library page, as a test.
 #[cfg(doctest)]

@@ -1,16 +1,17 @@
 //! Options of a fit, as they are typed and as they stand in the report.
 
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use adaptive::Marking;
 use fit_ls::Lambda;
 use geom_io::LengthUnit;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use thb_core::{MAX_DEGREE, MAX_LEVELS, Quadrature};
 
 use crate::parameter_options::Closed;
-use crate::{Error, ParameterOptions, QuasiOptions, ReweightingOptions};
+use crate::{Error, MarkerChoice, ParameterOptions, QuasiOptions, ReweightingOptions};
 
 /// Options of [`crate::fit_scan`]. The defaults need no user.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -63,9 +64,9 @@ pub struct FitOptions {
     pub admissible: Option<usize>,
     /// How the smoothing energy is integrated.
     pub energy: Energy,
-    /// Length unit of the coordinates.
-    #[serde(serialize_with = "unit_name")]
-    pub units: LengthUnit,
+    /// Length unit of the coordinates; `None` for that of the file, millimetres where it tells none. A report has the one taken.
+    #[serde(serialize_with = "crate::units::serialize")]
+    pub units: Option<LengthUnit>,
     /// Turn the face normal.
     pub flip: bool,
     /// Seed of random choices, for the report: no method draws random numbers yet.
@@ -99,7 +100,7 @@ impl Default for FitOptions {
             extension: None,
             admissible: None,
             energy: Energy::Exact,
-            units: LengthUnit::Millimetre,
+            units: None,
             flip: false,
             seed: 0,
             threads: 0,
@@ -169,6 +170,15 @@ impl FitOptions {
     /// The extension of a marked region, in cells of the next level.
     pub fn extension(&self) -> [usize; 2] {
         self.extension.map_or(self.degree.0.map(|p| p / 2), |given| given.0)
+    }
+
+    /// Files that the options name, which are read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        let markers = match &self.reweighting.markers {
+            Some(MarkerChoice::File(path)) => Some(path),
+            _ => None,
+        };
+        self.parameters.files().chain(markers)
     }
 
     /// Checks ranges that types do not express.
@@ -246,10 +256,6 @@ macro_rules! serialize_as_typed {
 }
 pub(crate) use serialize_as_typed;
 serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy, Samples);
-
-pub(crate) fn unit_name<S: Serializer>(unit: &LengthUnit, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(unit.name())
-}
 
 /// An option with a fixed set of names.
 macro_rules! named {

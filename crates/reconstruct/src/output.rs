@@ -1,12 +1,13 @@
 //! Results in files.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use geom_io::{
     MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, WriteOptions, check_writable,
     write_atomically, write_mesh, write_model,
 };
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::mesh::{nearest_errors, tessellate};
 use crate::{Error, Fit, Parameterized, draw_parameters};
@@ -33,9 +34,14 @@ impl OutputPaths {
             }
             if is_directory(output) {
                 let stem = part_name(input);
-                paths.files.push(output.join(format!("{stem}.step")));
-                paths.files.push(output.join(format!("{stem}.json")));
-                paths.report.get_or_insert_with(|| output.join(format!("{stem}.report.json")));
+                let named = |extension: &str| {
+                    let mut name = stem.clone();
+                    name.push(extension);
+                    output.join(name)
+                };
+                paths.files.push(named(".step"));
+                paths.files.push(named(".json"));
+                paths.report.get_or_insert_with(|| named(".report.json"));
             } else if is_output_file(output) {
                 paths.files.push(output.clone());
             } else {
@@ -56,14 +62,27 @@ impl OutputPaths {
     }
 }
 
+/// A path as reports have it: what of its name is no text is replaced.
+pub(crate) fn shown<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path.to_string_lossy())
+}
+
+/// Paths as reports have them.
+pub(crate) fn all_shown<'a, S: Serializer>(
+    paths: impl IntoIterator<Item = &'a PathBuf>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(paths.into_iter().map(|path| path.to_string_lossy()))
+}
+
 /// Name of a part: its file's without the extension and without `.gz` behind that; `stdin` for standard input.
-pub(crate) fn part_name(input: &Path) -> String {
+pub(crate) fn part_name(input: &Path) -> OsString {
     if input.as_os_str() == "-" {
-        return "stdin".to_owned();
+        return "stdin".into();
     }
     let compressed = input.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
     let inner = if compressed { input.with_extension("") } else { input.to_owned() };
-    inner.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    inner.file_stem().unwrap_or_default().to_owned()
 }
 
 /// Whether an output is meant to be a directory: it is one, or its name has no extension or ends in a separator.

@@ -6,10 +6,11 @@ use std::str::FromStr;
 
 use geom_io::ReadOptions;
 use param_classic::{Radius, Rule};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::Error;
 use crate::options::{ParseOptionError, named, parse_error, range, serialize_as_typed, typed};
+use crate::output::shown;
 
 /// How a scan is read, cleaned and laid out on the unit square.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -19,11 +20,14 @@ pub struct ParameterOptions {
     pub read: ReadOptions,
     /// What is removed from the points beside what is set aside unasked: see [`crate::CleaningReport`].
     pub clean: Vec<Clean>,
+    /// The piece of the mesh or cloud that is kept, from 1, the largest first; `None` for all.
+    pub piece: Option<usize>,
     /// Most points that are kept, well spread; `None` for all.
     pub thin: Option<usize>,
     /// Rectangle in x and y outside which points are left out.
     pub crop: Option<Crop>,
     /// A grid file; points over cells of it that are 0 or without data are left out.
+    #[serde(serialize_with = "shown_if_any")]
     pub mask: Option<PathBuf>,
     /// Where parameters come from.
     pub param: ParameterChoice,
@@ -34,6 +38,7 @@ pub struct ParameterOptions {
     /// The points that become the corners.
     pub corners: Option<GivenCorners>,
     /// A file that names the points of the outer boundary.
+    #[serde(serialize_with = "shown_if_any")]
     pub outline: Option<PathBuf>,
     /// How the points of a side are spread over it.
     pub side_rule: SideRule,
@@ -52,6 +57,7 @@ impl Default for ParameterOptions {
         Self {
             read: ReadOptions::default(),
             clean: Vec::new(),
+            piece: None,
             thin: None,
             crop: None,
             mask: None,
@@ -72,7 +78,19 @@ impl Default for ParameterOptions {
 /// Fewest points of a subset: enough for a boundary with corners.
 const LEAST_SUBSET: usize = 500;
 
+fn shown_if_any<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
+    match path {
+        Some(path) => shown(path, serializer),
+        None => serializer.serialize_none(),
+    }
+}
+
 impl ParameterOptions {
+    /// Files that the options name, which are read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.mask.iter().chain(&self.outline)
+    }
+
     /// Checks ranges that types do not express.
     ///
     /// # Errors
@@ -88,6 +106,12 @@ impl ParameterOptions {
         let cleans = self.clean.iter().map(|what| what.to_string()).collect::<Vec<_>>().join(",");
         let is_one = !self.clean.contains(&Clean::Nothing) || self.clean.len() == 1;
         range("--clean", cleans, "none, or some of outliers and stray", is_one)?;
+        range(
+            "--piece",
+            typed(self.piece),
+            "1 for the largest piece, 2 for the next, and so on",
+            self.piece != Some(0),
+        )?;
         range("--thin", typed(self.thin), "4 or more", self.thin.is_none_or(|n| n >= 4))?;
         range("--subset", self.subset.to_string(), "500 or more", self.subset >= LEAST_SUBSET)
     }

@@ -274,9 +274,9 @@ impl ReweightingReport {
 /// semicolon. `#` begins a comment; the first line may name the columns.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::MarkerFile`].
+/// [`Error::Read`], [`Error::MarkerFile`].
 pub(crate) fn read_markers(path: &Path) -> Result<Vec<(u32, bool)>, Error> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    let text = geom_io::read_text(path)?;
     let mut markers = Vec::new();
     for (number, line) in text.lines().enumerate() {
         let content = line.split('#').next().unwrap_or_default();
@@ -295,7 +295,7 @@ pub(crate) fn read_markers(path: &Path) -> Result<Vec<(u32, bool)>, Error> {
             // A line of names.
             [_, _] if markers.is_empty() && fields.iter().all(|field| field.parse::<f64>().is_err()) => {}
             _ => {
-                let (path, text) = (path.to_owned(), line.to_owned());
+                let (path, text) = (path.to_owned(), line.chars().take(40).collect());
                 return Err(Error::MarkerFile { path, line: number + 1, text });
             }
         }

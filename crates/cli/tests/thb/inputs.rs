@@ -21,7 +21,9 @@ fn coordinates_that_are_not_finite() {
         changed[7] = &row;
         rejects("scan.csv", changed.join("\n"), &["line 8", "not finite"]);
     }
-    rejects("scan.off", scans::mesh().replacen("\n1 1 ", "\nnan 1 ", 1), &["not finite"]);
+    // Of meshes and scanners such a point is what was not seen.
+    let lab = Lab::with("scan.off", scans::mesh().replacen("\n1 1 ", "\nnan 1 ", 1));
+    assert!(lab.prints_json("info scan.off")["notes"].to_string().contains("1 points are not a number"));
 }
 
 #[test]
@@ -56,7 +58,7 @@ fn parameters_on_a_line() {
 
 #[test]
 fn meshes_that_are_no_disk() {
-    rejects("scan.off", scans::two_pieces(), &["2 pieces", "[18, 8]"]);
+    rejects("scan.off", scans::two_pieces(), &["2 pieces", "[18, 8]", "--clean stray", "--piece"]);
     rejects("scan.off", scans::closed_mesh(), &["closed", "4 triangles"]);
     rejects("scan.off", "OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", &[]);
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ndarray::Array2;
+use point_cloud::MAX_COORDINATE;
 use thb_core::{HierarchicalMesh, HierarchicalSpace, Kind, KnotVector, MAX_LEVELS, SplineMap};
 
 use super::ModelErrorKind;
@@ -47,8 +48,12 @@ impl<const D: usize> Parts<D> {
         Ok(())
     }
 
-    /// The map on a mesh.
+    /// The map on a mesh. Coefficients that points could not have are refused: squares of them overflow.
     pub(super) fn map(self, mesh: HierarchicalMesh<D>) -> Result<SplineMap<D>, ModelErrorKind> {
+        let is_usable = |value: f64| value.abs() <= MAX_COORDINATE;
+        if let Some(((row, _), &value)) = self.coefficients.indexed_iter().find(|&(_, &value)| !is_usable(value)) {
+            return Err(ModelErrorKind::Coefficient { row, value, limit: MAX_COORDINATE });
+        }
         let space = HierarchicalSpace::new(self.kind, self.knots)?.with_mesh(mesh)?;
         Ok(SplineMap::new(Arc::new(space), self.coefficients)?)
     }

@@ -46,8 +46,11 @@ impl DxfFile {
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         let units = match self.unit {
             LengthUnit::Inch => 1,
+            LengthUnit::Foot => 2,
             LengthUnit::Millimetre => 4,
+            LengthUnit::Centimetre => 5,
             LengthUnit::Metre => 6,
+            LengthUnit::Micrometre => 13,
         };
         let head = HEAD.replace("$UNITS", &units.to_string());
         groups(out, &head)?;

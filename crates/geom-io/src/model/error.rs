@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::error::WriteError;
+use crate::error::{ReadErrorKind, WriteError};
 
 /// A model could not be read or written: which file, and why.
 #[derive(Debug, thiserror::Error)]
@@ -18,9 +18,9 @@ pub struct ModelError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelErrorKind {
-    /// The operating system refused.
-    #[error("cannot be read: {0}")]
-    Io(#[from] std::io::Error),
+    /// The operating system refused, or a source has no end.
+    #[error(transparent)]
+    Read(#[from] ReadErrorKind),
     /// The operating system refused to write.
     #[error("cannot be written: {0}")]
     Write(#[source] std::io::Error),
@@ -95,6 +95,16 @@ pub enum ModelErrorKind {
         found: usize,
         /// That of the first one.
         expected: usize,
+    },
+    /// A coefficient is NaN, infinite, or too large to be computed with.
+    #[error("coefficient {row} (counted from 0): {value:e} is not a number up to {limit:e}; the file is damaged")]
+    Coefficient {
+        /// Index of the coefficient.
+        row: usize,
+        /// The component.
+        value: f64,
+        /// The limit.
+        limit: f64,
     },
     /// A split cell is split twice, or does not exist before its parent is split.
     #[error("split {index} (counted from 0): cell {cell:?} of level {level} is no leaf cell at that point")]

@@ -12,7 +12,6 @@ pub mod json;
 pub mod step;
 pub mod svg;
 
-use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -22,6 +21,7 @@ pub use error::{ModelError, ModelErrorKind};
 pub use step::StepOptions;
 pub use svg::{GRAPH, SvgOptions};
 
+use crate::read::read_bytes;
 use crate::write::write_atomically;
 
 /// A fitted curve or surface, with what a file needs to know beyond its coefficients.
@@ -48,28 +48,53 @@ pub enum Geometry {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LengthUnit {
+    /// 10⁻⁶ m.
+    Micrometre,
     /// 0.001 m.
     #[default]
     Millimetre,
+    /// 0.01 m.
+    Centimetre,
     /// 1 m.
     Metre,
     /// 0.0254 m.
     Inch,
+    /// 0.3048 m.
+    Foot,
 }
 
 impl LengthUnit {
+    /// All units.
+    pub const ALL: [Self; 6] =
+        [Self::Micrometre, Self::Millimetre, Self::Centimetre, Self::Metre, Self::Inch, Self::Foot];
+
     /// The unit's name in files.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Micrometre => "micrometre",
             Self::Millimetre => "millimetre",
+            Self::Centimetre => "centimetre",
             Self::Metre => "metre",
             Self::Inch => "inch",
+            Self::Foot => "foot",
         }
     }
 
     /// The unit of a name in files.
     pub fn from_name(name: &str) -> Option<Self> {
-        [Self::Millimetre, Self::Metre, Self::Inch].into_iter().find(|unit| unit.name() == name)
+        Self::ALL.into_iter().find(|unit| unit.name() == name)
+    }
+
+    /// The unit's length in millimetres.
+    pub fn millimetres(self) -> f64 {
+        match self {
+            Self::Micrometre => 1e-3,
+            Self::Millimetre => 1.0,
+            Self::Centimetre => 10.0,
+            Self::Metre => 1000.0,
+            Self::Inch => 25.4,
+            Self::Foot => 304.8,
+        }
     }
 }
 
@@ -174,8 +199,8 @@ pub fn write_model(path: &Path, model: &Model, options: &WriteOptions) -> Result
 /// [`ModelError`] that names the file and the violated condition.
 pub fn read_model(path: &Path) -> Result<Model, ModelError> {
     let read = || match ModelFormat::from_path(path) {
-        Some(ModelFormat::Json) => json::parse_json(&fs::read(path)?),
-        Some(ModelFormat::GismoXml) => gismo::parse_gismo(&fs::read(path)?),
+        Some(ModelFormat::Json) => json::parse_json(&read_bytes(path)?),
+        Some(ModelFormat::GismoXml) => gismo::parse_gismo(&read_bytes(path)?),
         _ => Err(ModelErrorKind::UnknownExtension { extension: extension(path), supported: ".json .xml" }),
     };
     read().map_err(|kind| ModelError { path: path.to_owned(), kind })

@@ -10,7 +10,7 @@ use std::fmt::Write;
 use ndarray::Array2;
 use thb_core::{CellSpace, SplineMap};
 
-use super::{Geometry, LengthUnit, Model, ModelErrorKind};
+use super::{Geometry, Model, ModelErrorKind};
 
 /// Key of a model's metadata that is `true` where the first coordinate of a curve is its parameter.
 pub const GRAPH: &str = "graph";
@@ -81,7 +81,7 @@ impl Page {
         let scale = if axes[0].is_none() || is_graph {
             [0, 1].map(|k| if sides[k] > 0.0 { FRAME[k] / sides[k] } else { 1.0 })
         } else {
-            [millimetres(model.unit); 2]
+            [model.unit.millimetres(); 2]
         };
         let size = [0, 1].map(|k| scale[k] * sides[k]);
         if !(size[0].max(size[1]) > 0.0 && size.iter().all(|s| s.is_finite())) {
@@ -92,14 +92,6 @@ impl Page {
             });
         }
         Ok(Self { axes, lower: [x[0], y[0]], scale, size })
-    }
-}
-
-fn millimetres(unit: LengthUnit) -> f64 {
-    match unit {
-        LengthUnit::Millimetre => 1.0,
-        LengthUnit::Metre => 1000.0,
-        LengthUnit::Inch => 25.4,
     }
 }
 

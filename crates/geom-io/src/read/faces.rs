@@ -22,6 +22,17 @@ impl Faces {
         self.triangles.extend(others.windows(2).map(|pair| [first, pair[0], pair[1]]));
     }
 
+    /// Adds the triangles of a strip: each corner from the third on makes one with the two before it, turned about in every
+    /// second one so that all look the same way. Triangles with two equal corners only lead the strip on.
+    pub(super) fn push_strip(&mut self, corners: &[u32]) {
+        for (at, corner) in corners.windows(3).enumerate() {
+            let &[a, b, c] = corner else { continue };
+            if a != b && b != c && c != a {
+                self.triangles.push(if at % 2 == 0 { [a, b, c] } else { [b, a, c] });
+            }
+        }
+    }
+
     /// The triangles, and notes on what was done to get them.
     pub(super) fn finish(self, notes: &mut Vec<String>) -> Option<Vec<[u32; 3]>> {
         if self.polygons > 0 {

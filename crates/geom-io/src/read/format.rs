@@ -18,6 +18,10 @@ pub enum Format {
     Off,
     /// STL, ASCII or binary: triangles, each with its own three points.
     Stl,
+    /// Binary glTF: the triangles of all meshes, where the nodes put them.
+    Glb,
+    /// 3D Manufacturing Format: the triangles of all objects, where the build puts them.
+    ThreeMf,
     /// Text with one point a line.
     Xyz,
     /// Text with one point a line and a line that names the columns.
@@ -36,11 +40,13 @@ pub enum Format {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Ply,
         Self::Obj,
         Self::Off,
         Self::Stl,
+        Self::Glb,
+        Self::ThreeMf,
         Self::Xyz,
         Self::Csv,
         Self::EsriGrid,
@@ -57,6 +63,8 @@ impl Format {
             Self::Obj => "OBJ",
             Self::Off => "OFF",
             Self::Stl => "STL",
+            Self::Glb => "GLB",
+            Self::ThreeMf => "3MF",
             Self::Xyz => "XYZ",
             Self::Csv => "CSV",
             Self::EsriGrid => "ESRI ASCII grid",
@@ -74,6 +82,8 @@ impl Format {
             Self::Obj => &["obj"],
             Self::Off => &["off"],
             Self::Stl => &["stl"],
+            Self::Glb => &["glb"],
+            Self::ThreeMf => &["3mf"],
             Self::Xyz => &["xyz", "txt", "pts", "dat"],
             Self::Csv => &["csv"],
             Self::EsriGrid => &["asc"],
@@ -109,7 +119,7 @@ impl Format {
 
     /// Whether the first bytes of the format's files are text, at whose start a byte order mark may stand.
     pub(super) fn opens_with_text(self) -> bool {
-        !matches!(self, Self::Stl | Self::Las | Self::E57)
+        !matches!(self, Self::Stl | Self::Glb | Self::ThreeMf | Self::Las | Self::E57)
     }
 }
 

@@ -4,7 +4,7 @@ use ndarray::Array2;
 use roxmltree::{Document, Node};
 
 use super::text::{finite, parse_count, parse_number, quote};
-use super::{Format, Scan};
+use super::{Format, Scan, xml};
 use crate::error::{Location, ReadErrorKind};
 
 const PARAMETERS: usize = 0;
@@ -15,6 +15,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
         let before = &bytes[..error.valid_up_to()];
         ReadErrorKind::NotText { line: 1 + before.iter().filter(|&&b| b == b'\n').count() }
     })?;
+    xml::check(text).map_err(|reason| ReadErrorKind::Xml { reason })?;
     let document = Document::parse(text).map_err(|error| ReadErrorKind::Xml { reason: error.to_string() })?;
     let named = |name: &'static str| document.descendants().filter(move |node| node.has_tag_name(name));
 

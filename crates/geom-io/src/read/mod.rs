@@ -7,6 +7,7 @@ mod e57;
 mod faces;
 mod format;
 mod gismo;
+mod glb;
 mod height_field;
 mod las;
 mod obj;
@@ -16,16 +17,22 @@ mod ply;
 mod source;
 mod stl;
 mod text;
+mod three_mf;
+mod xml;
 mod xyz;
 
 use std::path::Path;
 
 use ndarray::{Array2, Axis};
-use point_cloud::PointCloud;
+use point_cloud::{MAX_COORDINATE, PointCloud};
 use serde::Serialize;
 
 pub use self::format::Format;
-use crate::error::{ReadError, ReadErrorKind};
+use self::source::Unpacked;
+pub(crate) use self::source::read as read_bytes;
+pub(crate) use self::xml::check as check_xml;
+use crate::error::{ReadError, ReadErrorKind, quote};
+use crate::model::LengthUnit;
 
 /// How to read where a file leaves it open.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -40,6 +47,8 @@ pub struct ReadOptions {
     pub classes: Vec<u8>,
     /// Column of a CSV file that holds the confidence in each point, a name or a number from 1 on; `None` reads none.
     pub weights: Option<String>,
+    /// How many times their own size compressed data (gzip, zip, LAZ, 3MF) may expand to; `None` for 200. A MiB is always allowed.
+    pub max_expand: Option<usize>,
     /// Whether x and y, each from 0 to 1 over its own extent, become the parameters of points that have none.
     pub height_field: bool,
 }
@@ -61,6 +70,8 @@ pub struct Scan {
     pub weights: Option<Vec<f64>>,
     /// Size of the cells of an ESRI grid along x and y.
     pub cell: Option<[f64; 2]>,
+    /// Length unit of the coordinates, where the file tells it: E57, 3MF, and LAS with a coordinate system.
+    pub unit: Option<LengthUnit>,
     /// The format that was read.
     pub format: Format,
     /// What was left out or changed, in words for a person.
@@ -96,6 +107,7 @@ impl Scan {
         Self {
             rows,
             cell: None,
+            unit: None,
             cloud: PointCloud { points, parameters: None, grid: None },
             triangles: None,
             on_boundary: None,
@@ -106,18 +118,36 @@ impl Scan {
     }
 }
 
-/// Reads a point cloud or mesh from a file, which may be compressed by gzip; the path `-` is standard input.
+/// Reads a point cloud or mesh from a file, which may be compressed by gzip or lie alone in a zip archive; the path `-` is
+/// standard input.
 ///
 /// # Errors
 /// [`ReadError`] with the path and the violated condition; see [`ReadErrorKind`].
 pub fn read_scan(path: &Path, options: &ReadOptions) -> Result<Scan, ReadError> {
     let read = || {
-        let format = match options.format {
-            Some(format) => format,
+        let of_path = match options.format {
+            Some(format) => Ok(format),
             None if source::is_standard_input(path) => return Err(ReadErrorKind::FormatNeeded),
-            None => Format::from_path(path)?,
+            None => Format::from_path(path),
         };
-        parse_scan(&source::read(path)?, format, options)
+        // The name of an archive tells nothing of what is inside; names of other files must.
+        let of_path = match of_path {
+            Err(ReadErrorKind::UnknownExtension { extension, supported }) if extension != "zip" => {
+                return Err(ReadErrorKind::UnknownExtension { extension, supported });
+            }
+            of_path => of_path,
+        };
+        let bytes = source::read(path)?;
+        let unpacked = source::unpack(&bytes, options.max_expand)?;
+        let of_member = unpacked.member.as_deref().map(|name| Format::from_path(Path::new(name)));
+        let format = match (of_path, of_member) {
+            (Ok(format), _) if options.format.is_some() => format,
+            (_, Some(Ok(format))) => format,
+            (Err(_), _) if unpacked.is_3mf => Format::ThreeMf,
+            (Err(_), Some(unknown)) => unknown?,
+            (of_path, _) => of_path?,
+        };
+        parse_unpacked(unpacked, format, options)
     };
     let scan = read().map_err(|kind| ReadError { path: path.to_owned(), kind })?;
     tracing::debug!(
@@ -127,13 +157,34 @@ pub fn read_scan(path: &Path, options: &ReadOptions) -> Result<Scan, ReadError> 
     Ok(scan)
 }
 
-/// Reads a point cloud or mesh from the bytes of a file, which may be compressed by gzip; `options.format` is not used.
+/// Reads a text that stands beside a scan, such as a list of rows.
+///
+/// # Errors
+/// [`ReadError`] with the path: what the system says, [`ReadErrorKind::Endless`], [`ReadErrorKind::NotText`].
+pub fn read_text(path: &Path) -> Result<String, ReadError> {
+    let read = || {
+        let bytes = source::read(path)?;
+        String::from_utf8(bytes).map_err(|error| {
+            let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+            ReadErrorKind::NotText { line: 1 + before.iter().filter(|&&byte| byte == b'\n').count() }
+        })
+    };
+    read().map_err(|kind| ReadError { path: path.to_owned(), kind })
+}
+
+/// Reads a point cloud or mesh from the bytes of a file, which may be compressed by gzip or lie alone in a zip archive;
+/// `options.format` is not used.
 ///
 /// # Errors
 /// [`ReadErrorKind`], the violated condition.
 pub fn parse_scan(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
-    let bytes = &*source::decompress(bytes)?;
-    let bytes = if format.opens_with_text() { source::without_mark(bytes)? } else { bytes };
+    parse_unpacked(source::unpack(bytes, options.max_expand)?, format, options)
+}
+
+fn parse_unpacked(unpacked: Unpacked<'_>, format: Format, options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
+    let Unpacked { bytes, member, is_3mf, mut budget } = unpacked;
+    let format = if is_3mf { Format::ThreeMf } else { format };
+    let bytes = if format.opens_with_text() { source::without_mark(&bytes)? } else { &*bytes };
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(ReadErrorKind::Empty);
     }
@@ -142,14 +193,20 @@ pub fn parse_scan(bytes: &[u8], format: Format, options: &ReadOptions) -> Result
         Format::Obj => obj::read(bytes),
         Format::Off => off::read(bytes),
         Format::Stl => stl::read(bytes),
+        Format::Glb => glb::read(bytes, &mut budget),
+        Format::ThreeMf => three_mf::read(bytes, &mut budget),
         Format::Xyz => xyz::read(bytes, options),
         Format::Csv => csv::read(bytes, options),
         Format::EsriGrid => asc::read(bytes, options),
         Format::Pcd => pcd::read(bytes),
-        Format::Las => las::read(bytes, &options.classes),
+        Format::Las => las::read(bytes, &options.classes, &mut budget),
         Format::E57 => e57::read(bytes),
         Format::GismoXml => gismo::read(bytes),
     }?;
+    if let Some(member) = member {
+        scan.notes.push(format!("read from {:?} in a zip archive", quote(&member)));
+    }
+    leave_out_non_finite(&mut scan)?;
     // What was asked for and cannot be had is no result.
     if !options.columns.is_empty() && !matches!(scan.format, Format::Xyz | Format::Csv) {
         return Err(ReadErrorKind::OptionOfOtherFormat {
@@ -170,10 +227,54 @@ pub fn parse_scan(bytes: &[u8], format: Format, options: &ReadOptions) -> Result
     if scan.cloud.points.is_empty() {
         return Err(ReadErrorKind::NoPoints);
     }
+    check_range(&scan)?;
     if options.height_field {
         height_field::parameterize(&mut scan)?;
     }
     Ok(scan)
+}
+
+/// Leaves out points of which a coordinate is NaN or infinite, as pixels of a depth camera that saw nothing, with their triangles.
+fn leave_out_non_finite(scan: &mut Scan) -> Result<(), ReadErrorKind> {
+    let points = &scan.cloud.points;
+    let given = points.nrows();
+    if points.iter().all(|coordinate| coordinate.is_finite()) {
+        return Ok(());
+    }
+    let kept: Vec<usize> = (0..given).filter(|&at| points.row(at).iter().all(|c| c.is_finite())).collect();
+    if kept.is_empty() {
+        return Err(ReadErrorKind::NoneFinite { points: given });
+    }
+    let triangles = scan.triangles.as_ref().map_or(0, Vec::len);
+    scan.select(&kept);
+    let lost = triangles - scan.triangles.as_ref().map_or(0, Vec::len);
+    let mut note = format!("{} points are not a number (nothing was seen there) and were left out", given - kept.len());
+    if lost > 0 {
+        note += &format!(", with {lost} triangles");
+    }
+    scan.notes.push(note);
+    Ok(())
+}
+
+/// Checks that coordinates can be computed with: their squares, and sums of these, must not overflow.
+fn check_range(scan: &Scan) -> Result<(), ReadErrorKind> {
+    match scan.cloud.points.indexed_iter().find(|&(_, &value)| value.abs() > MAX_COORDINATE) {
+        Some(((at, _), &value)) => {
+            Err(ReadErrorKind::CoordinateRange { row: scan.rows[at], value, limit: MAX_COORDINATE })
+        }
+        None => Ok(()),
+    }
+}
+
+/// Room for as many values as a file announces and has bytes for.
+///
+/// # Errors
+/// [`ReadErrorKind::Memory`].
+fn with_room<T>(count: usize) -> Result<Vec<T>, ReadErrorKind> {
+    let mut values = Vec::new();
+    let reserved = values.try_reserve_exact(count);
+    reserved.map_err(|_| ReadErrorKind::Memory { bytes: count.saturating_mul(size_of::<T>()) })?;
+    Ok(values)
 }
 
 /// Row-major `values` as an array of `columns` columns.

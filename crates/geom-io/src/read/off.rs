@@ -4,7 +4,7 @@
 
 use super::faces::{Faces, vertex_index};
 use super::text::{Line, Lines, before_hash, parse_count};
-use super::{Format, Scan, rows};
+use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
 
 /// Shortest vertex line, `0 0 0` and its end: bounds the memory reserved for an announced number of vertices.
@@ -16,7 +16,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
 
     let first = next_line().ok_or(ReadErrorKind::NoPoints)?;
     let mut fields = first.fields();
-    check_keyword(first, fields.next().unwrap_or_default())?;
+    let has_keyword = !is_counts(first);
+    if has_keyword {
+        check_keyword(first, fields.next().unwrap_or_default())?;
+    }
     let (counts_line, mut counts) = match fields.clone().next() {
         Some(b"BINARY") => return Err(first.bad_header("binary OFF cannot be read; save it as text")),
         Some(_) => (first, fields),
@@ -31,7 +34,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     };
     let (vertex_count, face_count) = (count()?, count()?);
 
-    let mut coordinates = Vec::with_capacity(3 * vertex_count.min(bytes.len() / SHORTEST_LINE));
+    let mut coordinates: Vec<f64> = with_room(3 * vertex_count.min(bytes.len() / SHORTEST_LINE))?;
     for found in 0..vertex_count {
         let line = next_line().ok_or_else(|| truncated("vertex", vertex_count, found))?;
         coordinates.extend(line.xyz(line.fields())?);
@@ -47,14 +50,24 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
 
     let mut scan = Scan::new(Format::Off, rows(coordinates, 3));
     scan.triangles = faces.finish(&mut scan.notes);
+    if !has_keyword {
+        scan.notes
+            .push("the word OFF is missing; the first line was taken as the numbers of vertices and faces".to_owned());
+    }
     if surplus > 0 {
         scan.notes.push(format!("{surplus} lines after the last face were ignored"));
     }
     Ok(scan)
 }
 
+/// Whether a line is that of the numbers of vertices, faces and edges, without a keyword before it.
+fn is_counts(line: Line<'_>) -> bool {
+    line.fields().count() == 3 && line.fields().all(|field| parse_count(field).is_some())
+}
+
 /// `OFF` with any of the prefixes that keep the first three numbers of a vertex its coordinates.
 fn check_keyword(line: Line<'_>, keyword: &[u8]) -> Result<(), ReadErrorKind> {
+    let keyword = keyword.to_ascii_uppercase();
     let prefix = keyword.strip_suffix(b"OFF").ok_or_else(|| line.bad_header("expected OFF"))?;
     match prefix {
         b"" | b"C" | b"N" | b"CN" | b"ST" | b"STC" | b"STN" | b"STCN" => Ok(()),

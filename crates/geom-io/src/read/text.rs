@@ -83,12 +83,12 @@ impl<'a> Line<'a> {
         parse_number(field).ok_or_else(|| self.not_a_number(field))
     }
 
-    /// The first three fields as coordinates; further fields are left alone.
+    /// The first three fields as coordinates, finite or not; further fields are left alone.
     pub(super) fn xyz(self, mut fields: Fields<'a>) -> Result<[f64; 3], ReadErrorKind> {
         let mut xyz = [0.0; 3];
         for found in 0..xyz.len() {
             let field = fields.next().ok_or_else(|| self.row_length(3, found))?;
-            xyz[found] = self.coordinate(field)?;
+            xyz[found] = self.number(field)?;
         }
         Ok(xyz)
     }

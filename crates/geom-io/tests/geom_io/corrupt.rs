@@ -105,6 +105,35 @@ fn decoders_of_other_crates() {
     }
 }
 
+/// Sizes in a header reserve nothing that the file has no room for.
+#[test]
+fn announced_sizes_of_las() {
+    for compressed in [false, true] {
+        let whole = scan_files::las(6, compressed);
+        for record in [0, 1, 19, 20, 31, 0x7fff, 0xffff_u16] {
+            for points in [1, 5, u32::MAX] {
+                let mut bytes = whole.clone();
+                bytes[105..107].copy_from_slice(&record.to_le_bytes());
+                bytes[107..111].copy_from_slice(&points.to_le_bytes());
+                bytes[247..255].copy_from_slice(&u64::from(points).to_le_bytes());
+                // A point may be longer than its format, if there are enough bytes.
+                let is_possible = record == 31 && points == 1 && !compressed || record == 30;
+                assert!(read(Format::Las, &bytes).is_err() || is_possible, "{compressed} {record} {points}");
+            }
+        }
+    }
+    // The newer points are compressed in layers, whose sizes follow the first point and the number of points of a chunk.
+    let whole = scan_files::las(6, true);
+    let points = u32::from_le_bytes(*whole[96..].first_chunk().unwrap()) as usize;
+    for layer in 0..9 {
+        let mut bytes = whole.clone();
+        let size = points + 8 + 30 + 4 + 4 * layer;
+        bytes[size..size + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+        let error = read(Format::Las, &bytes).unwrap_err().to_string();
+        assert!(error.contains("chunk 0 (counted from 0) has layers beyond the end"), "{error}");
+    }
+}
+
 /// A binary PLY file that lacks even its last byte is an error; so is one cut in its header.
 #[test]
 fn binary_ply_is_never_read_in_part() {

@@ -186,7 +186,7 @@ fn the_extension_chooses_the_format_and_errors_name_the_file() {
         assert!(matches!(error.kind, ModelErrorKind::UnknownExtension { .. }));
     }
     let missing = read_model(&folder.join("missing.json")).unwrap_err();
-    assert!(matches!(missing.kind, ModelErrorKind::Io(_)) && missing.to_string().contains("missing.json"));
+    assert!(matches!(missing.kind, ModelErrorKind::Read(_)) && missing.to_string().contains("missing.json"));
     let no_folder = write("none/a.json").unwrap_err();
     assert!(matches!(no_folder.kind, ModelErrorKind::Write(_)));
     assert_eq!(no_folder.to_string().matches("a.json").count(), 1);

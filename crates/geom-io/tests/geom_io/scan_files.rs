@@ -5,7 +5,7 @@ use std::io::{Cursor, Write};
 use e57::{E57Writer, Quaternion, Record, RecordValue, Transform, Translation};
 use flate2::{Compression, write::GzEncoder};
 use las::point::{Classification, Format};
-use las::{Builder, Color, Point, Writer};
+use las::{Builder, Color, Point, Vlr, Writer};
 
 /// Points whose coordinates all formats hold exactly.
 pub(crate) const POINTS: [[f64; 3]; 4] = [[0.0, 0.0, 1.5], [1.0, 0.0, -2.0], [0.0, 1.0, 0.25], [1.0, 1.0, 8.0]];
@@ -33,6 +33,47 @@ pub(crate) fn las(point_format: u8, compressed: bool) -> Vec<u8> {
         let color = format.has_color.then(Color::default);
         let point = Point { x, y, z, classification, is_withheld, gps_time, color, ..Point::default() };
         writer.write_point(point).unwrap();
+    }
+    writer.into_inner().unwrap().into_inner()
+}
+
+/// A LAZ file of so many points, in chunks of which the table tells the numbers of points.
+pub(crate) fn variable_chunks(count: usize) -> Vec<u8> {
+    let mut builder = Builder::from((1, 4));
+    builder.point_format = Format::new(6).unwrap();
+    builder.point_format.is_compressed = true;
+    let items = laz::LazItemRecordBuilder::default_for_point_format_id(6, 0).unwrap();
+    let record = laz::LazVlrBuilder::new(items).with_variable_chunk_size().build();
+    let mut data = Vec::new();
+    record.write_to(&mut data).unwrap();
+    let user_id = laz::LazVlr::USER_ID.to_owned();
+    builder.vlrs.push(Vlr { user_id, record_id: laz::LazVlr::RECORD_ID, description: String::new(), data });
+    let mut writer = Writer::new(Cursor::new(Vec::new()), builder.into_header().unwrap()).unwrap();
+    for k in 0..count {
+        let [x, y, z] = [k % 40, k / 40, k * k % 97].map(|c| c as f64);
+        writer.write_point(Point { x, y, z, gps_time: Some(k as f64), ..Point::default() }).unwrap();
+    }
+    writer.into_inner().unwrap().into_inner()
+}
+
+/// A LAS file with one point and a record of the coordinate system.
+pub(crate) fn las_with_record(record_id: u16, data: Vec<u8>) -> Vec<u8> {
+    let mut builder = Builder::from((1, 4));
+    builder.has_wkt_crs = record_id == 2112;
+    builder.vlrs.push(Vlr { user_id: "LASF_Projection".to_owned(), record_id, description: String::new(), data });
+    let mut writer = Writer::new(Cursor::new(Vec::new()), builder.into_header().unwrap()).unwrap();
+    writer.write_point(Point::default()).unwrap();
+    writer.into_inner().unwrap().into_inner()
+}
+
+/// A LAZ file of so many equal points, which take next to no room.
+pub(crate) fn equal_points(count: usize) -> Vec<u8> {
+    let mut builder = Builder::from((1, 4));
+    builder.point_format = Format::new(6).unwrap();
+    builder.point_format.is_compressed = true;
+    let mut writer = Writer::new(Cursor::new(Vec::new()), builder.into_header().unwrap()).unwrap();
+    for _ in 0..count {
+        writer.write_point(Point { gps_time: Some(0.0), ..Point::default() }).unwrap();
     }
     writer.into_inner().unwrap().into_inner()
 }
@@ -93,8 +134,7 @@ fn pcd_header(data: &str) -> String {
 }
 
 /// Integer heights: the field z has two bytes.
-pub(crate) const PCD_POINTS: [[f64; 3]; 4] =
-    [[0.0, 0.5, 1.0], [-3.0, 0.25, -2.0], [0.0, 1.0, 300.0], [1e300, 1.0, 8.0]];
+pub(crate) const PCD_POINTS: [[f64; 3]; 4] = [[0.0, 0.5, 1.0], [-3.0, 0.25, -2.0], [0.0, 1.0, 300.0], [1e90, 1.0, 8.0]];
 
 pub(crate) fn pcd_text() -> Vec<u8> {
     let row = |[x, y, z]: [f64; 3]| format!("255 {x:e} {y} 1 2 3 {z}\n");

@@ -2,11 +2,15 @@
 
 use std::path::Path;
 
-use geom_io::{Format, Location, ReadErrorKind as Kind, ReadOptions, Scan, parse_scan, read_scan};
+use geom_io::{Format, LengthUnit, ReadErrorKind as Kind, ReadOptions, Scan, parse_scan, read_scan};
 use ndarray::{Array2, arr2, aview2};
 use point_cloud::GridShape;
 
-use crate::scan_files::{PCD_POINTS, POINTS, STL_TEXT, e57, gzip, las, pcd_binary, pcd_compressed, pcd_text, stl};
+use crate::scan_files::variable_chunks;
+use crate::scan_files::{
+    PCD_POINTS, POINTS, STL_TEXT, e57, equal_points, gzip, las, las_with_record, pcd_binary, pcd_compressed, pcd_text,
+    stl,
+};
 
 fn read(format: Format, bytes: impl AsRef<[u8]>) -> Scan {
     parse_scan(bytes.as_ref(), format, &ReadOptions::default()).unwrap()
@@ -48,6 +52,48 @@ fn las_and_laz_in_old_and_new_point_formats() {
 }
 
 #[test]
+fn laz_in_chunks_of_any_length() {
+    for count in [1, 999, 70_000] {
+        let bytes = variable_chunks(count);
+        assert_eq!(read(Format::Las, &bytes).cloud.points.nrows(), count);
+    }
+}
+
+#[test]
+fn laz_counts_by_what_it_expands_to() {
+    let bytes = equal_points(60_000);
+    let error = read_with(Format::Las, &bytes, ReadOptions::default()).unwrap_err();
+    assert!(matches!(error, Kind::Expansion { .. }) && error.to_string().contains("--max-expand"), "{error}");
+    let more = ReadOptions { max_expand: Some(100_000), ..ReadOptions::default() };
+    assert_eq!(read_with(Format::Las, &bytes, more).unwrap().cloud.points.nrows(), 60_000);
+    assert_eq!(read(Format::Las, equal_points(1000)).cloud.points.nrows(), 1000);
+}
+
+/// The unit of lengths in well-known text is the last one, and in GeoTIFF the key 3076.
+#[test]
+fn las_with_a_unit() {
+    let geographic = "GEOGCS[\"a\",UNIT[\"degree\",0.0174532925]]";
+    for (text, unit) in [
+        (format!("PROJCS[\"a\",{geographic},UNIT[\"metre\",1]]"), Some(LengthUnit::Metre)),
+        (format!("PROJCS[\"a\",{geographic},UNIT[\"US survey foot\",0.3048006]]"), Some(LengthUnit::Foot)),
+        (geographic.to_owned(), None),
+        ("no text of the kind".to_owned(), None),
+    ] {
+        assert_eq!(read(Format::Las, las_with_record(2112, text.into_bytes())).unit, unit);
+    }
+    for (key, value, unit) in [
+        (3076, 9001, Some(LengthUnit::Metre)),
+        (3076, 9002, Some(LengthUnit::Foot)),
+        (3076, 9102, None),
+        (4099, 9001, None),
+    ] {
+        let keys: Vec<u8> = [1, 1, 0, 1, key, 0, 1, value].into_iter().flat_map(u16::to_le_bytes).collect();
+        assert_eq!(read(Format::Las, las_with_record(34735, keys)).unit, unit, "{key} {value}");
+    }
+    assert_eq!(read(Format::Las, las(0, false)).unit, None);
+}
+
+#[test]
 fn las_that_announces_more_than_it_holds() {
     let mut bytes = las(0, false);
     bytes[107..111].copy_from_slice(&u32::MAX.to_le_bytes());
@@ -68,6 +114,7 @@ fn e57_scans_are_put_together_in_the_frame_of_the_file() {
     let notes = ["the points of 2 scans were put together", "2 points have no valid position and were left out"];
     assert_eq!(scan.notes, notes);
     assert_eq!(scan.rows, [0, 1, 3, 4]);
+    assert_eq!(scan.unit, Some(LengthUnit::Metre));
 }
 
 #[test]
@@ -95,8 +142,9 @@ fn stl_that_is_broken() {
     assert!(matches!(open("v 1 2 3\n"), Kind::Malformed { format: "STL", .. }));
     let mut nan = whole;
     nan[96..100].copy_from_slice(&f32::NAN.to_le_bytes());
-    let nan = parse_scan(&nan, Format::Stl, &ReadOptions::default()).unwrap_err();
-    assert!(matches!(&nan, Kind::NonFinite { location: Location::Record { index: 0, .. }, .. }), "{nan:?}");
+    let left = read(Format::Stl, nan);
+    assert_eq!((left.rows, left.triangles), (vec![1, 2, 3, 4, 5], Some(vec![[2, 3, 4]])));
+    assert_eq!(left.notes, ["1 points are not a number (nothing was seen there) and were left out, with 1 triangles"]);
 }
 
 #[test]
@@ -119,7 +167,8 @@ fn pcd_pixels_that_saw_nothing_and_wrong_headers() {
     assert_eq!((scan.cloud.points, scan.rows, scan.notes.len()), (arr2(&[[1.0, 2.0, 3.0]]), vec![1], 1));
     let fail = |text: String| parse_scan(text.as_bytes(), Format::Pcd, &ReadOptions::default()).unwrap_err();
     assert!(matches!(fail(format!("{header}1 2 3\n")), Kind::Truncated { expected: 2, found: 1, .. }));
-    assert!(matches!(fail(format!("{header}1 2 3\n1 2 inf\n")), Kind::NonFinite { location: Location::Line(9), .. }));
+    assert_eq!(read(Format::Pcd, format!("{header}1 2 3\n1 2 inf\n")).rows, [0]);
+    assert!(matches!(fail(format!("{header}nan 2 3\n1 2 inf\n")), Kind::NoneFinite { points: 2 }));
     assert!(matches!(fail(header.replace("x y z", "x y w")), Kind::ColumnsNotFound { .. }));
     for (from, to) in
         [("TYPE F", "TYPE C"), ("SIZE 4", "SIZE 3"), ("ascii", "zip"), ("COUNT 1", "COUNT"), ("WIDTH", "W")]
@@ -215,7 +264,7 @@ fn height_fields() {
     assert_eq!(scan.cloud.parameters, Some(arr2(&[[0.0, 1.0], [1.0, 0.0], [0.25, 0.5]])));
     let own = read_with(Format::Csv, "x,y,z,u,v\n1,2,3,0.5,0.25\n", height_field()).unwrap();
     assert_eq!((own.cloud.parameters, own.notes.len()), (Some(arr2(&[[0.5, 0.25]])), 1));
-    let wide = read_with(Format::Xyz, "-1e308 0 0\n1e308 1 0\n", height_field()).unwrap();
+    let wide = read_with(Format::Xyz, "-1e100 0 0\n1e100 1 0\n", height_field()).unwrap();
     assert_eq!(wide.cloud.parameters, Some(arr2(&[[0.0, 0.0], [1.0, 1.0]])));
     let flat = read_with(Format::Xyz, "1 2 3\n4 2 3\n", height_field());
     assert!(matches!(flat, Err(Kind::FlatHeightField { axis: "y", value: 2.0 })));

@@ -21,10 +21,11 @@ use super::report::{CurveInput, CurveIteration, CurveReport, CurveResult};
 use super::sequence::{self, Closing, Given, Sequence};
 use super::start::start_knots;
 use super::support::{Frame, Support, polygon_of};
-
 use super::verdict::{CurveLimits, Judgement, Subject, judge};
+use crate::{BlendChoice, Error, Method, units};
 
-use crate::{BlendChoice, Error, Method};
+/// Samples per piece for the distance from the curve to the points.
+const SAMPLES: usize = 4;
 
 /// A fitted curve with its report and its data.
 #[derive(Clone, Debug)]
@@ -77,14 +78,14 @@ pub fn fit_curve_file(path: &Path, options: &CurveOptions) -> Result<CurveFit, E
 /// [`Error`]. A tolerance that is not reached is no error: the report says why the fit ended.
 pub fn fit_sequence(points: ArrayView2<'_, f64>, name: &str, options: &CurveOptions) -> Result<CurveFit, Error> {
     options.check()?;
-    fit(Given { points: points.to_owned(), parameters: None, notes: Vec::new(), format: "" }, name, options)
+    fit(Given { points: points.to_owned(), parameters: None, notes: Vec::new(), format: "", unit: None }, name, options)
 }
 
 fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Error> {
     let start = Instant::now();
     let span = tracing::info_span!("fit_curve", name);
     let _guard = span.enter();
-    let (rows, format) = (given.points.nrows(), given.format);
+    let (rows, format, of_file) = (given.points.nrows(), given.format, given.unit);
     let sequence = sequence::prepare(given, options)?;
     let (m, dimension) = sequence.points.dim();
     if !(1..=3).contains(&dimension) {
@@ -94,6 +95,10 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     let tolerance = options.tol.resolve(diagonal);
     let problem = Problem { sequence: &sequence, options, tolerance, diagonal };
     let mut warnings = sequence.notes.clone();
+    let unit = units::resolve(options.units, of_file);
+    if !problem.is_function() && !options.graph {
+        warnings.extend(units::hint(options.units, of_file, diagonal));
+    }
     let attempt = problem.best(&mut warnings)?;
     let Attempt { map, parameters, errors, history, judgement, .. } = &attempt;
     let deviation = Deviation::new(&errors.to_vec(), tolerance);
@@ -117,7 +122,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
             corners: sequence.corner_rows.clone(),
             parameterization: sequence.method,
         },
-        options: options.clone(),
+        options: CurveOptions { units: Some(unit), ..options.clone() },
         result: CurveResult {
             control_points: map.space().n_functions(),
             spans: map.space().n_cells(),
@@ -147,7 +152,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
         history: history.clone(),
         warnings,
     };
-    let mut model = Model::curve(if options.graph { graph_of(map)? } else { map.clone() }, options.units);
+    let mut model = Model::curve(if options.graph { graph_of(map)? } else { map.clone() }, unit);
     model.metadata.insert("source".into(), name.into());
     if options.graph {
         model.metadata.insert(GRAPH.into(), true.into());

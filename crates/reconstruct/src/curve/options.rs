@@ -6,7 +6,7 @@ use serde::Serialize;
 use thb_core::MAX_DEGREE;
 
 use super::choices::{ClosedChoice, CornerChoice, CurveParameters, Ends, KnotChoice};
-use crate::options::{range, unit_name};
+use crate::options::range;
 use crate::{BlendChoice, Error, LambdaChoice, Mark, Method, Tolerance};
 
 /// Options of [`crate::fit_sequence`]. The defaults need no user.
@@ -52,9 +52,9 @@ pub struct CurveOptions {
     pub halvings: u32,
     /// Largest number of control points; `None` for the number of points.
     pub max_dofs: Option<usize>,
-    /// Length unit of the coordinates.
-    #[serde(serialize_with = "unit_name")]
-    pub units: LengthUnit,
+    /// Length unit of the coordinates; `None` for that of the file, millimetres where it tells none. A report has the one taken.
+    #[serde(serialize_with = "crate::units::serialize")]
+    pub units: Option<LengthUnit>,
 }
 
 impl Default for CurveOptions {
@@ -79,7 +79,7 @@ impl Default for CurveOptions {
             mark: Mark(Marking::Share(WORST)),
             halvings: 16,
             max_dofs: None,
-            units: LengthUnit::Millimetre,
+            units: None,
         }
     }
 }

@@ -66,7 +66,7 @@ fn in_order(points: ArrayView2<'_, f64>, places: Vec<u32>, may_be_in_order: bool
 
 /// Whole numbers, separated by blanks, commas or line ends; `#` begins a comment.
 fn read_rows(path: &Path) -> Result<Vec<u64>, Error> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    let text = geom_io::read_text(path)?;
     let mut rows = Vec::new();
     for (number, line) in text.lines().enumerate() {
         let words = line.split('#').next().unwrap_or_default().split([' ', '\t', ',', ';']);

@@ -98,7 +98,7 @@ fn disk_of(welded: Welded) -> Result<Disk, Error> {
     let sizes = Pieces::find(&merged)?.sizes;
     let largest = sizes.first().copied().unwrap_or(0);
     if (merged.triangles.len() - largest) as f64 > STRAY * merged.triangles.len() as f64 {
-        return Err(CloudError::SeveralPieces { count: sizes.len(), sizes }.into());
+        return Err(Error::SeveralPieces { sizes });
     }
     let LargestDisk { disk, kept: in_disk, removed, turned } = largest_disk(&merged)?;
     if removed > 0 {

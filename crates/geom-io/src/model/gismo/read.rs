@@ -8,6 +8,7 @@ use super::boxes::{LevelBox, refine_to_boxes};
 use crate::error::quote;
 use crate::model::build::Parts;
 use crate::model::{Geometry, LengthUnit, Model, ModelErrorKind};
+use crate::read::check_xml;
 
 /// Reads the one geometry of a file.
 ///
@@ -15,6 +16,7 @@ use crate::model::{Geometry, LengthUnit, Model, ModelErrorKind};
 /// [`ModelErrorKind`]: not well-formed, another kind of geometry, or numbers that make no spline map.
 pub fn parse_gismo(bytes: &[u8]) -> Result<Model, ModelErrorKind> {
     let text = std::str::from_utf8(bytes).map_err(|error| ModelErrorKind::Xml { reason: error.to_string() })?;
+    check_xml(text).map_err(|reason| ModelErrorKind::Xml { reason })?;
     let document = Document::parse(text).map_err(|error| ModelErrorKind::Xml { reason: error.to_string() })?;
     let geometries: Vec<_> = document.descendants().filter(|node| node.has_tag_name("Geometry")).collect();
     let [geometry] = geometries[..] else {
@@ -33,7 +35,7 @@ pub fn parse_gismo(bytes: &[u8]) -> Result<Model, ModelErrorKind> {
         Some(name) => LengthUnit::from_name(name).ok_or_else(|| ModelErrorKind::Value {
             what: "attribute unit",
             text: quote(name),
-            expected: "millimetre, metre or inch",
+            expected: "micrometre, millimetre, centimetre, metre, inch or foot",
         })?,
     };
     Ok(Model { geometry: geometry_map, unit, metadata: serde_json::Map::new() })

@@ -9,9 +9,6 @@ use crate::model::LengthUnit;
 /// The automotive design schema, AP214.
 const SCHEMA: &str = "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }";
 
-/// Millimetres of an inch, by definition.
-const MILLIMETRES_PER_INCH: f64 = 25.4;
-
 pub(super) fn begin(file: &mut Part21<'_>, options: &StepOptions) -> io::Result<()> {
     let software = concat!("geom-io ", env!("CARGO_PKG_VERSION"));
     file.line("ISO-10303-21;\nHEADER;")?;
@@ -52,15 +49,12 @@ pub(super) fn product(file: &mut Part21<'_>, name: &str) -> io::Result<Id> {
 /// The context of the geometry: dimension, units, and the distance below which points are the same.
 pub(super) fn context(file: &mut Part21<'_>, unit: LengthUnit, uncertainty: f64) -> io::Result<Id> {
     let length = match unit {
-        LengthUnit::Metre => file.entity(format_args!("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT($,.METRE.))"))?,
-        LengthUnit::Millimetre => millimetre(file)?,
-        LengthUnit::Inch => {
-            let millimetre = millimetre(file)?;
-            let size = real(MILLIMETRES_PER_INCH);
-            let dimensions = file.entity(format_args!("DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.)"))?;
-            let factor = file.entity(format_args!("LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({size}),{millimetre})"))?;
-            file.entity(format_args!("(CONVERSION_BASED_UNIT('INCH',{factor})LENGTH_UNIT()NAMED_UNIT({dimensions}))"))?
-        }
+        LengthUnit::Metre => si_metre(file, "$")?,
+        LengthUnit::Centimetre => si_metre(file, ".CENTI.")?,
+        LengthUnit::Millimetre => si_metre(file, ".MILLI.")?,
+        LengthUnit::Micrometre => si_metre(file, ".MICRO.")?,
+        LengthUnit::Inch => converted(file, "INCH", unit)?,
+        LengthUnit::Foot => converted(file, "FOOT", unit)?,
     };
     let angle = file.entity(format_args!("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))"))?;
     let solid = file.entity(format_args!("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())"))?;
@@ -76,6 +70,16 @@ pub(super) fn context(file: &mut Part21<'_>, unit: LengthUnit, uncertainty: f64)
     ))
 }
 
-fn millimetre(file: &mut Part21<'_>) -> io::Result<Id> {
-    file.entity(format_args!("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.))"))
+/// The metre with a prefix.
+fn si_metre(file: &mut Part21<'_>, prefix: &str) -> io::Result<Id> {
+    file.entity(format_args!("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({prefix},.METRE.))"))
+}
+
+/// A unit that is a multiple of the millimetre.
+fn converted(file: &mut Part21<'_>, name: &str, unit: LengthUnit) -> io::Result<Id> {
+    let millimetre = si_metre(file, ".MILLI.")?;
+    let size = real(unit.millimetres());
+    let dimensions = file.entity(format_args!("DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.)"))?;
+    let factor = file.entity(format_args!("LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE({size}),{millimetre})"))?;
+    file.entity(format_args!("(CONVERSION_BASED_UNIT('{name}',{factor})LENGTH_UNIT()NAMED_UNIT({dimensions}))"))
 }

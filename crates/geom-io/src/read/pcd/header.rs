@@ -163,7 +163,7 @@ fn for_each(
 fn find_coordinates(fields: &[Field]) -> Result<[usize; 3], ReadErrorKind> {
     let mut coordinates = [0; 3];
     for (index, name) in coordinates.iter_mut().zip(COORDINATES) {
-        let found = fields.iter().position(|field| field.name == name && field.count > 0);
+        let found = fields.iter().position(|field| field.name.eq_ignore_ascii_case(name) && field.count > 0);
         *index = found.ok_or_else(|| ReadErrorKind::ColumnsNotFound {
             missing: vec![name.to_owned()],
             found: fields.iter().map(|field| field.name.clone()).collect(),

@@ -9,9 +9,9 @@ mod lzf;
 use point_cloud::GridShape;
 
 use self::header::{Encoding, Field, Header, total};
-use super::text::{Lines, before_hash, finite};
-use super::{Format, Scan, rows};
-use crate::error::{Location, ReadErrorKind};
+use super::text::{Lines, before_hash};
+use super::{Format, Scan, rows, with_room};
+use crate::error::ReadErrorKind;
 
 /// Shortest line of a point, `0 0 0` and its end: bounds the memory reserved for an announced number of points.
 const SHORTEST_LINE: usize = 6;
@@ -28,6 +28,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
         }
     }?;
     let (read, blind) = (header.points, header.points - seen.rows.len());
+    if seen.rows.is_empty() && read > 0 {
+        return Err(ReadErrorKind::NoneFinite { points: read });
+    }
     let mut scan = Scan::new(Format::Pcd, rows(seen.points, 3));
     scan.rows = seen.rows;
     if blind > 0 {
@@ -45,27 +48,23 @@ struct Seen {
 }
 
 impl Seen {
-    fn with_capacity(points: usize) -> Self {
-        Self { points: Vec::with_capacity(3 * points), rows: Vec::with_capacity(points) }
+    fn with_room(points: usize) -> Result<Self, ReadErrorKind> {
+        Ok(Self { points: with_room(3 * points)?, rows: with_room(points)? })
     }
 
     /// Adds a point, unless it is not a number.
-    fn push(&mut self, row: usize, xyz: [f64; 3], location: impl Fn() -> Location) -> Result<(), ReadErrorKind> {
-        if xyz.iter().any(|c| c.is_nan()) {
-            return Ok(());
+    fn push(&mut self, row: usize, xyz: [f64; 3]) {
+        if xyz.iter().all(|c| c.is_finite()) {
+            self.points.extend(xyz);
+            self.rows.push(row as u32);
         }
-        for coordinate in xyz {
-            self.points.push(finite(coordinate, &location)?);
-        }
-        self.rows.push(row as u32);
-        Ok(())
     }
 }
 
 fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKind> {
     let columns = header.coordinates.map(|field| total(&header.fields[..field], |f| f.count));
     let expected = total(&header.fields, |f| f.count);
-    let mut seen = Seen::with_capacity(header.points.min(lines.rest().len() / SHORTEST_LINE));
+    let mut seen = Seen::with_room(header.points.min(lines.rest().len() / SHORTEST_LINE))?;
     let mut row = Vec::new();
     for found in 0..header.points {
         let line = lines.next_data(before_hash).ok_or_else(|| truncated(header, found))?;
@@ -78,7 +77,7 @@ fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKin
         for (coordinate, column) in xyz.iter_mut().zip(columns) {
             *coordinate = line.number(row[column])?;
         }
-        seen.push(found, xyz, || line.location())?;
+        seen.push(found, xyz);
     }
     Ok(seen)
 }
@@ -99,7 +98,7 @@ fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, Re
         return Err(truncated(header, found));
     }
     let offsets = header.coordinates.map(|field| total(&header.fields[..field], Field::width));
-    let mut seen = Seen::with_capacity(header.points);
+    let mut seen = Seen::with_room(header.points)?;
     for index in 0..header.points {
         let mut xyz = [0.0; 3];
         for axis in 0..3 {
@@ -111,7 +110,7 @@ fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, Re
             let number = bytes.get(start..).and_then(|bytes| field.number(bytes));
             xyz[axis] = number.ok_or_else(|| truncated(header, index))?;
         }
-        seen.push(index, xyz, || Location::Record { element: "point".to_owned(), index })?;
+        seen.push(index, xyz);
     }
     Ok(seen)
 }

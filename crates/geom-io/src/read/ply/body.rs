@@ -1,6 +1,6 @@
 //! The records after the header of a PLY file.
 
-use super::super::text::{Fields, Line, Lines};
+use super::super::text::{Fields, Line, Lines, parse_number};
 use super::header::{Element, Encoding, Kind, Scalar};
 use crate::error::{Location, ReadErrorKind};
 
@@ -68,6 +68,12 @@ impl<'a> Body<'a> {
         }
         let is_wanted: Vec<_> = (0..element.properties.len()).map(|k| wanted.contains(&k)).collect();
         let mut values = Vec::new();
+        // Some programs write one value a line.
+        if let Self::Ascii(lines) = self
+            && lines.clone().next_filled().is_some_and(|line| is_one_of_several(line, element))
+        {
+            return read_values(lines, element, &is_wanted, each);
+        }
         for index in 0..element.count {
             values.clear();
             let truncated =
@@ -125,6 +131,59 @@ fn read_line(
     }
 }
 
+/// Whether the first line of an element holds one value where its records have more.
+fn is_one_of_several(line: Line<'_>, element: &Element) -> bool {
+    let is_longer = || match element.properties[0].kind {
+        Kind::Scalar(_) => element.properties.len() > 1,
+        Kind::List { .. } => element.properties.len() > 1 || parse_number(line.text).is_some_and(|length| length > 0.0),
+    };
+    line.fields().count() == 1 && is_longer()
+}
+
+/// Reads the records of an element whose values stand on lines of their own.
+fn read_values(
+    lines: &mut Lines<'_>,
+    element: &Element,
+    is_wanted: &[bool],
+    mut each: impl FnMut(&[f64], Place<'_>) -> Result<(), ReadErrorKind>,
+) -> Result<(), ReadErrorKind> {
+    let mut values = Vec::new();
+    for index in 0..element.count {
+        values.clear();
+        let mut last = None;
+        let mut next = || -> Result<f64, ReadErrorKind> {
+            let line = lines.next_filled().ok_or_else(|| ReadErrorKind::Truncated {
+                element: element.name.clone(),
+                expected: element.count,
+                found: index,
+            })?;
+            last = Some(line);
+            match line.fields().count() {
+                1 => line.number(line.text),
+                found => Err(line.row_length(1, found)),
+            }
+        };
+        for (property, &wanted) in element.properties.iter().zip(is_wanted) {
+            let count = match property.kind {
+                Kind::Scalar(_) => 1,
+                Kind::List { .. } => {
+                    let length = next()?;
+                    let location = || Location::Record { element: element.name.clone(), index };
+                    list_length(length).ok_or_else(|| ReadErrorKind::ListLength { location: location(), length })?
+                }
+            };
+            for _ in 0..count {
+                let value = next()?;
+                if wanted {
+                    values.push(value);
+                }
+            }
+        }
+        each(&values, Place { element, index, line: last.map(|line| line.number) })?;
+    }
+    Ok(())
+}
+
 /// The fields of a line, counted.
 struct Row<'a> {
     line: Line<'a>,
@@ -180,16 +239,16 @@ impl Binary<'_> {
         Ok(Some(()))
     }
 
-    /// One scalar. All types are exact in `f64`.
+    /// One scalar. All types but those of 64 bits are exact in `f64`; coordinates and indices of these are, up to 2⁵³.
     fn scalar(&mut self, kind: Scalar) -> Option<f64> {
         macro_rules! decode {
             ($number:ty) => {{
                 let (bytes, rest) = self.rest.split_first_chunk()?;
                 self.rest = rest;
-                f64::from(match self.big_endian {
+                (match self.big_endian {
                     true => <$number>::from_be_bytes(*bytes),
                     false => <$number>::from_le_bytes(*bytes),
-                })
+                }) as f64
             }};
         }
         Some(match kind {
@@ -199,6 +258,8 @@ impl Binary<'_> {
             Scalar::U16 => decode!(u16),
             Scalar::I32 => decode!(i32),
             Scalar::U32 => decode!(u32),
+            Scalar::I64 => decode!(i64),
+            Scalar::U64 => decode!(u64),
             Scalar::F32 => decode!(f32),
             Scalar::F64 => decode!(f64),
         })

@@ -20,19 +20,26 @@ pub(super) enum Scalar {
     U16,
     I32,
     U32,
+    I64,
+    U64,
     F32,
     F64,
 }
 
 impl Scalar {
+    /// The type of a name, those of the format and of C, in upper or lower case. `long` is what 64-bit systems other than
+    /// Windows mean by it.
     fn parse(name: &[u8]) -> Option<Self> {
-        Some(match name {
-            b"char" | b"int8" => Self::I8,
+        let name = name.to_ascii_lowercase();
+        Some(match name.strip_suffix(b"_t").unwrap_or(&name) {
+            b"char" | b"int8" | b"schar" => Self::I8,
             b"uchar" | b"uint8" => Self::U8,
             b"short" | b"int16" => Self::I16,
             b"ushort" | b"uint16" => Self::U16,
             b"int" | b"int32" => Self::I32,
             b"uint" | b"uint32" => Self::U32,
+            b"long" | b"int64" | b"longlong" => Self::I64,
+            b"ulong" | b"uint64" | b"ulonglong" => Self::U64,
             b"float" | b"float32" => Self::F32,
             b"double" | b"float64" => Self::F64,
             _ => return None,
@@ -45,7 +52,7 @@ impl Scalar {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
             Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
+            Self::I64 | Self::U64 | Self::F64 => 8,
         }
     }
 }
@@ -71,11 +78,16 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// The property that lists a face's corners.
+    /// Whether the element has this name, in upper or lower case.
+    pub(super) fn is_named(&self, name: &str) -> bool {
+        self.name.eq_ignore_ascii_case(name)
+    }
+
+    /// The property that lists the corners of a face or strip.
     pub(super) fn corner_list(&self) -> Option<usize> {
-        self.properties.iter().position(|p| {
-            matches!(p.kind, Kind::List { .. }) && matches!(p.name.as_str(), "vertex_indices" | "vertex_index")
-        })
+        let is_list = |p: &Property| matches!(p.kind, Kind::List { .. });
+        let names = ["vertex_indices", "vertex_index"];
+        self.properties.iter().position(|p| is_list(p) && names.iter().any(|name| p.name.eq_ignore_ascii_case(name)))
     }
 
     /// Bytes of the shortest binary record.

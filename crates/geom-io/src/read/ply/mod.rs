@@ -1,38 +1,40 @@
 //! Stanford PLY (Turk 1994): ASCII and binary, any scalar types.
 //!
-//! Of element `vertex` the properties `x`, `y`, `z` are read, of element `face` the list `vertex_indices`
-//! (or `vertex_index`); everything else is stepped over.
+//! Of element `vertex` the properties `x`, `y`, `z` are read, of elements `face` and `tristrips` the list `vertex_indices`
+//! (or `vertex_index`), all in upper or lower case; everything else is stepped over.
 
 mod body;
 mod header;
 
-use self::body::Body;
+use self::body::{Body, Place};
 use self::header::{Element, Header, Kind};
 use super::faces::{Faces, vertex_index};
-use super::text::{Lines, finite};
-use super::{Format, Scan, rows};
+use super::text::{Lines, quote};
+use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
 
 pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     let mut lines = Lines::new(bytes);
     let header = Header::parse(&mut lines)?;
-    let vertex_count = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
+    let vertex_count = header.elements.iter().find(|e| e.is_named("vertex")).map_or(0, |e| e.count);
     let mut body = Body::new(lines, header.encoding);
     let mut coordinates = Vec::new();
     let mut faces = Faces::default();
     let mut notes = Vec::new();
     for element in &header.elements {
-        match element.name.as_str() {
+        match element.name.to_ascii_lowercase().as_str() {
             "vertex" if coordinates.is_empty() => coordinates = read_vertices(&mut body, element)?,
-            "face" => match element.corner_list() {
-                Some(list) => read_faces(&mut body, element, list, vertex_count, &mut faces)?,
+            name @ ("face" | "tristrips") => match element.corner_list() {
+                Some(list) if name == "face" => read_faces(&mut body, element, list, vertex_count, &mut faces)?,
+                Some(list) => read_strips(&mut body, element, list, vertex_count, &mut faces)?,
                 None => {
                     body.for_each(element, &[], |_, _| Ok(()))?;
-                    notes.push("the faces list no vertices and were ignored".to_owned());
+                    notes.push(format!("element {name} lists no vertices and was ignored"));
                 }
             },
-            name => {
+            _ => {
                 body.for_each(element, &[], |_, _| Ok(()))?;
+                let name = quote(element.name.as_bytes());
                 notes.push(format!("{} records of element {name} were ignored", element.count));
             }
         }
@@ -49,7 +51,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
 
 fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vec<f64>, ReadErrorKind> {
     let column = |property: &'static str| {
-        let scalar = |p: &header::Property| p.name == property && matches!(p.kind, Kind::Scalar(_));
+        let scalar = |p: &header::Property| p.name.eq_ignore_ascii_case(property) && matches!(p.kind, Kind::Scalar(_));
         element.properties.iter().position(scalar).ok_or_else(|| ReadErrorKind::MissingProperty {
             property,
             found: element.properties.iter().map(|p| p.name.clone()).collect(),
@@ -61,10 +63,10 @@ fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vec<f64>, Rea
     in_file_order.sort_unstable();
     let order = columns.map(|column| in_file_order.iter().position(|&c| c == column).unwrap_or_default());
 
-    let mut coordinates = Vec::with_capacity(3 * body.at_most(element));
-    body.for_each(element, &in_file_order, |xyz, place| {
+    let mut coordinates: Vec<f64> = with_room(3 * body.at_most(element))?;
+    body.for_each(element, &in_file_order, |xyz, _| {
         for axis in order {
-            coordinates.push(finite(xyz[axis], || place.location())?);
+            coordinates.push(xyz[axis]);
         }
         Ok(())
     })?;
@@ -82,12 +84,37 @@ fn read_faces(
     body.for_each(element, &[list], |indices, place| {
         corners.clear();
         for &index in indices {
-            if index.fract() != 0.0 {
-                return Err(ReadErrorKind::NotAnIndex { location: place.location(), text: index.to_string() });
-            }
-            corners.push(vertex_index(index as i64, vertex_count, || place.location())?);
+            corners.push(corner(index, vertex_count, &place)?);
         }
         faces.push(&corners);
         Ok(())
     })
+}
+
+/// Strips of triangles, one after the other with −1 between two.
+fn read_strips(
+    body: &mut Body<'_>,
+    element: &Element,
+    list: usize,
+    vertex_count: usize,
+    faces: &mut Faces,
+) -> Result<(), ReadErrorKind> {
+    let mut corners = Vec::new();
+    body.for_each(element, &[list], |indices, place| {
+        for strip in indices.split(|&index| index == -1.0) {
+            corners.clear();
+            for &index in strip {
+                corners.push(corner(index, vertex_count, &place)?);
+            }
+            faces.push_strip(&corners);
+        }
+        Ok(())
+    })
+}
+
+fn corner(index: f64, vertex_count: usize, place: &Place<'_>) -> Result<u32, ReadErrorKind> {
+    if index.fract() != 0.0 {
+        return Err(ReadErrorKind::NotAnIndex { location: place.location(), text: index.to_string() });
+    }
+    vertex_index(index as i64, vertex_count, || place.location())
 }
