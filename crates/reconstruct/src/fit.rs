@@ -12,6 +12,7 @@ use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
 use crate::options::{BoundaryChoice, Pair};
+use crate::orientation::vote;
 use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
@@ -93,6 +94,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let span = tracing::info_span!("fit", name);
     let _guard = span.enter();
     let format = scan.format;
+    let columns = scan.columns.clone();
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let asked = options;
@@ -212,6 +214,11 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         holes = found.holes;
         warnings.extend(found.warnings);
     }
+    let normals = match &laid_out.normals {
+        Some(normals) => vote(&map, &parameters, normals)?,
+        None => None,
+    };
+    warnings.extend(normals.and_then(|normals| normals.warning()));
     let last = iterations[iterations.len() - 1];
     let thresholds = Thresholds { within: options.within, ..Thresholds::default() };
     judgement.reasons.extend(thresholds.set_aside(laid_out.report.cleaning.share_set_aside()));
@@ -226,6 +233,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             format: format.name(),
             points: read_points,
             triangles: read_triangles,
+            columns,
             fitted_points: points.nrows(),
             diagonal,
             parameterization: laid_out.report.method,
@@ -256,6 +264,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             thresholds,
             deviation: judgement.deviation,
             reweighting,
+            normals,
             sides: sides(&map)?,
             trimmed: options.trim_holes.then_some(holes.len()),
         },
@@ -264,7 +273,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     };
     let mut model = Model::surface(map, options.units);
     model.metadata.insert("source".into(), name.into());
-    let reversed = laid_out.reversed != options.flip;
+    let reversed = normals.map_or(laid_out.reversed, |normals| normals.reversed) != options.flip;
     Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed })
 }
 

@@ -1,12 +1,13 @@
 //! Questions about models and files.
 
+use std::array;
 use std::path::Path;
 
 use deviation::{Deviation, Thresholds};
 use fit_ls::map_to_points;
 use geom_io::{
-    Geometry, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions, WriteOptions,
-    read_model, read_scan, write_mesh, write_model,
+    Geometry, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadErrorKind, ReadOptions, StepOptions,
+    TakenColumn, WriteOptions, read_model, read_scan, write_mesh, write_model,
 };
 use ndarray::{Array2, Axis};
 use point_cloud::{BoundingBox, TriangleMesh, merge_duplicate_vertices};
@@ -130,7 +131,7 @@ pub struct Evaluation {
     pub rows: Array2<f64>,
 }
 
-/// Points of a model at the parameters of a CSV file with the columns u and v (curves: u).
+/// Points of a model at the parameters of a CSV file with the columns u and v (curves: u), or with as many columns without names.
 ///
 /// # Errors
 /// [`Error`].
@@ -141,11 +142,10 @@ pub fn eval_model(model: &Path, parameters: &Path) -> Result<Evaluation, Error> 
         Geometry::Surface(_) => &["u", "v"],
     };
     let mut columns: Vec<String> = columns.iter().map(|&name| name.to_owned()).collect();
-    let options = ReadOptions { columns: columns.clone(), ..ReadOptions::default() };
-    let parameters = read_scan(parameters, &options)?.cloud.points;
-    let image = match &geometry {
-        Geometry::Curve(map) => eval_rows(map, &parameters)?,
-        Geometry::Surface(map) => eval_rows(map, &parameters)?,
+    let scan = read_parameters(parameters, &columns)?;
+    let (parameters, image) = match &geometry {
+        Geometry::Curve(map) => eval_rows(map, &scan)?,
+        Geometry::Surface(map) => eval_rows(map, &scan)?,
     };
     let names = ["x", "y", "z"].map(str::to_owned).into_iter().chain((4..).map(|k| format!("c{k}")));
     columns.extend(names.take(image.ncols()));
@@ -154,12 +154,51 @@ pub fn eval_model(model: &Path, parameters: &Path) -> Result<Evaluation, Error> 
     Ok(Evaluation { columns, rows })
 }
 
-fn eval_rows<const D: usize>(map: &SplineMap<D>, parameters: &Array2<f64>) -> Result<Array2<f64>, Error> {
-    for (index, row) in parameters.outer_iter().enumerate() {
-        let u = std::array::from_fn(|d| row[d]);
-        map.space().locate_cell(u).map_err(|source| fit_ls::Error::Parameter { index, source })?;
+/// Reads parameters by the names of their columns; without names by their order, if there are no others.
+fn read_parameters(path: &Path, columns: &[String]) -> Result<geom_io::Scan, Error> {
+    let read = |columns: Vec<String>| read_scan(path, &ReadOptions { columns, ..ReadOptions::default() });
+    let numbered = |count: usize| (1..=count).map(|k| k.to_string()).collect();
+    match read(columns.to_vec()) {
+        Err(error)
+            if matches!(error.kind, ReadErrorKind::ColumnNumber { .. })
+                && read(numbered(columns.len() + 1)).is_err() =>
+        {
+            Ok(read(numbered(columns.len()))?)
+        }
+        other => Ok(other?),
     }
-    Ok(map.eval_batch(parameters.view())?)
+}
+
+/// How far beyond its domain a parameter may lie, as a share of the domain's length.
+///
+/// Limit: round-off of numbers written with twelve digits.
+const BEYOND_DOMAIN: f64 = 1e-12;
+
+/// The parameters, those beyond the domain by round-off on its boundary, and the points there.
+fn eval_rows<const D: usize>(map: &SplineMap<D>, scan: &geom_io::Scan) -> Result<(Array2<f64>, Array2<f64>), Error> {
+    let mut parameters = scan.cloud.points.clone();
+    let (lower, upper) = map.space().domain();
+    for (place, mut row) in parameters.outer_iter_mut().enumerate() {
+        if map.space().locate_cell(array::from_fn(|d| row[d])).is_ok() {
+            continue;
+        }
+        for d in 0..D {
+            let (value, nearest) = (row[d], row[d].clamp(lower[d], upper[d]));
+            if (value - nearest).abs() > BEYOND_DOMAIN * (upper[d] - lower[d]) {
+                let domain = [lower[d], upper[d]];
+                return Err(Error::EvalOutside {
+                    line: scan.line(place),
+                    place,
+                    name: ["u", "v", "w"][d],
+                    value,
+                    domain,
+                });
+            }
+            row[d] = nearest;
+        }
+    }
+    let image = map.eval_batch(parameters.view())?;
+    Ok((parameters, image))
 }
 
 /// Writes a model in another format: `.step .stp .xml .json`, or a sampled mesh `.obj .ply .vtk`.
@@ -220,6 +259,10 @@ pub enum Info {
         dimension: usize,
         /// Whether points come with parameters.
         parameters: bool,
+        /// Whether points come with normals.
+        normals: bool,
+        /// Which columns of a text file were taken for what; empty for other formats.
+        columns: Vec<TakenColumn>,
         /// Rows and columns, if it is a grid.
         grid: Option<[usize; 2]>,
         /// Lower and upper corner of the bounding box.
@@ -262,6 +305,8 @@ pub fn info(path: &Path, read: &ReadOptions) -> Result<Info, Error> {
         triangles: scan.triangles.as_ref().map(Vec::len),
         dimension: scan.cloud.points.ncols(),
         parameters: scan.cloud.parameters.is_some(),
+        normals: scan.normals.is_some(),
+        columns: scan.columns,
         grid: scan.cloud.grid.map(|grid| [grid.n_u, grid.n_v]),
         diagonal: bounds.diagonal(),
         bounds: [bounds.lower, bounds.upper].map(|corner| corner.to_vec()),

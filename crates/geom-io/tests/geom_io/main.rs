@@ -12,3 +12,4 @@ mod model_step;
 mod round_trip;
 mod scan_files;
 mod scanners;
+mod tables;

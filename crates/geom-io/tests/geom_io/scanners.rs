@@ -119,7 +119,7 @@ fn pcd_pixels_that_saw_nothing_and_wrong_headers() {
     assert_eq!((scan.cloud.points, scan.rows, scan.notes.len()), (arr2(&[[1.0, 2.0, 3.0]]), vec![1], 1));
     let fail = |text: String| parse_scan(text.as_bytes(), Format::Pcd, &ReadOptions::default()).unwrap_err();
     assert!(matches!(fail(format!("{header}1 2 3\n")), Kind::Truncated { expected: 2, found: 1, .. }));
-    assert!(matches!(fail(format!("{header}1 2 3\n1 2 inf\n")), Kind::NonFinite { location: Location::Line(9), .. }));
+    assert_eq!(read(Format::Pcd, format!("{header}1 2 3\n1 2 inf\n")).rows, [0]);
     assert!(matches!(fail(header.replace("x y z", "x y w")), Kind::ColumnsNotFound { .. }));
     for (from, to) in
         [("TYPE F", "TYPE C"), ("SIZE 4", "SIZE 3"), ("ascii", "zip"), ("COUNT 1", "COUNT"), ("WIDTH", "W")]
@@ -179,10 +179,6 @@ fn columns_by_name_and_by_number() {
         assert_eq!(read_with(format, text, columns(names)).unwrap().cloud.points, expected, "{format:?} {text}");
     }
     // Names come before numbers.
-    assert_eq!(
-        read_with(Format::Csv, "2,a,1\n", columns(&["1", "2"])).unwrap_err().to_string(),
-        "the file holds no points"
-    );
     let swapped = read_with(Format::Csv, "2,a,1\n5,6,7\n", columns(&["1", "2"])).unwrap();
     assert_eq!(swapped.cloud.points, arr2(&[[7.0, 5.0]]));
 
@@ -193,7 +189,7 @@ fn columns_by_name_and_by_number() {
         assert!(matches!(fail(Format::Xyz, plain, &["1", column]), Kind::ColumnNumber { column: c } if c == column));
     }
     assert!(matches!(fail(Format::Csv, named, &["1", "5"]), Kind::ColumnsNotFound { missing, .. } if missing == ["5"]));
-    assert!(fail(Format::Csv, "t,a\n1,2\n", &[]).to_string().contains("option columns"));
+    assert!(fail(Format::Csv, "t,a\n1,2\n", &[]).to_string().contains("--columns"));
 }
 
 #[test]

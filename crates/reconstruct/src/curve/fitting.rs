@@ -77,7 +77,8 @@ pub fn fit_curve_file(path: &Path, options: &CurveOptions) -> Result<CurveFit, E
 /// [`Error`]. A tolerance that is not reached is no error: the report says why the fit ended.
 pub fn fit_sequence(points: ArrayView2<'_, f64>, name: &str, options: &CurveOptions) -> Result<CurveFit, Error> {
     options.check()?;
-    fit(Given { points: points.to_owned(), parameters: None, notes: Vec::new(), format: "" }, name, options)
+    let points = points.to_owned();
+    fit(Given { points, parameters: None, notes: Vec::new(), format: "", columns: Vec::new() }, name, options)
 }
 
 fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Error> {
@@ -85,6 +86,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     let span = tracing::info_span!("fit_curve", name);
     let _guard = span.enter();
     let (rows, format) = (given.points.nrows(), given.format);
+    let columns = given.columns.clone();
     let sequence = sequence::prepare(given, options)?;
     let (m, dimension) = sequence.points.dim();
     if !(1..=3).contains(&dimension) {
@@ -110,6 +112,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
             file: name.to_owned(),
             format,
             points: rows,
+            columns,
             fitted_points: m,
             dimension,
             diagonal,

@@ -1,6 +1,6 @@
 //! From points in order to points with parameters: closing, corners, parameters.
 
-use geom_io::{ReadError, ReadErrorKind, ReadOptions, Scan, read_scan};
+use geom_io::{ReadError, ReadErrorKind, ReadOptions, Scan, TakenColumn, read_scan};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, concatenate};
 use param_classic::parameterize_sequence;
 use param_nn::sequence_parameters;
@@ -63,6 +63,7 @@ pub(super) struct Given {
     pub(super) parameters: Option<Array1<f64>>,
     pub(super) notes: Vec<String>,
     pub(super) format: &'static str,
+    pub(super) columns: Vec<TakenColumn>,
 }
 
 /// Reads a sequence. A table without columns x and y, but of two or three columns, is taken as it stands.
@@ -78,9 +79,9 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Given, Error> {
         }
         other => other?,
     };
-    let Scan { cloud, format, notes, .. } = scan;
+    let Scan { cloud, format, notes, columns, .. } = scan;
     let parameters = cloud.parameters.filter(|p| p.ncols() == 1).map(|p| p.column(0).to_owned());
-    Ok(Given { points: cloud.points, parameters, notes, format: format.name() })
+    Ok(Given { points: cloud.points, parameters, notes, format: format.name(), columns })
 }
 
 /// Finds closing, corners and parameters.

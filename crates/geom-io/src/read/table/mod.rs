@@ -1,0 +1,174 @@
+//! Tables of points in text: one rule for all that is written one point a line, whatever the file is called.
+//!
+//! The separator, the decimal sign and the columns that hold numbers are found in a sample of the lines ([`dialect`]); what stands
+//! above the first row of numbers is a title, a number of points or the names of the columns ([`opening`]); names, or places,
+//! tell what each column holds ([`roles`]). What cannot be told apart is an error that names the option which says it, and what
+//! was guessed is noted. A point without a value is left out and counted.
+//!
+//! The crates for tables take one separating byte and rows of one length; files of scanners have runs of blanks, titles, comments and
+//! counts between. Only quotes are as they have them (RFC 4180), within a line.
+
+mod counter;
+mod dialect;
+mod fields;
+mod grid;
+mod names;
+mod opening;
+mod roles;
+mod rows;
+
+use self::dialect::Dialect;
+use self::fields::{Field, Separator};
+use self::grid::{Meaning, meaning, not_indices, to_grid};
+use self::names::Names;
+use self::opening::{Opening, data};
+use self::roles::Roles;
+use self::rows::read_rows;
+use super::number::Decimal;
+use super::text::{Line, Lines, has_control, is_blank};
+use super::{Format, ReadOptions, Scan, rows as array};
+use crate::error::ReadErrorKind;
+
+/// Lines by which a table is known: enough for any opening, and as fast as nothing.
+const SAMPLE: usize = 1000;
+
+/// Reads a table. `format` is what it is called.
+pub(super) fn read(lines: Lines<'_>, format: Format, options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
+    let sample = sample(lines.clone());
+    if let Some(line) = sample.iter().find(|line| has_control(line.text)) {
+        return Err(ReadErrorKind::NotText { line: line.number });
+    }
+    let dialect = Dialect::find(&sample, options.decimal)?.ok_or(ReadErrorKind::NoPoints)?;
+    let mut opening = Opening::take(lines, &dialect)?;
+    let names = opening.names(&dialect, options)?;
+    let sampled: Vec<Vec<Field<'_>>> = opening
+        .rows
+        .clone()
+        .take(SAMPLE)
+        .filter_map(|line| data(line, dialect.separator))
+        .map(|line| {
+            let mut fields = Vec::new();
+            dialect.separator.split(line.text, &mut fields);
+            fields
+        })
+        .collect();
+    let roles = match &names {
+        Some(names) => Roles::by_names(names, options)?,
+        None => Roles::by_place(&dialect, &sampled, opening.first_row, options)?,
+    };
+
+    let rows = read_rows(&opening, &dialect, &roles, names.as_ref())?;
+    let mut scan = Scan::new(format, array(rows.points, roles.coordinates.len()));
+    scan.rows = rows.rows;
+    scan.lines = rows.lines;
+    scan.notes.extend(opening.note());
+    if dialect.is_guess {
+        scan.notes.push(match dialect.style.decimal {
+            Decimal::Comma => "commas were taken as decimal ones; --decimal point takes them otherwise".to_owned(),
+            Decimal::Point => {
+                "commas within quotes were taken as those between thousands; --decimal comma takes them otherwise"
+                    .to_owned()
+            }
+        });
+    }
+    if names.is_none() && format == Format::Csv && options.columns.is_empty() {
+        scan.notes.push("no line names the columns; they were taken as x, y, z".to_owned());
+    }
+    scan.notes.extend(roles.notes.iter().cloned());
+    if !roles.parameters.is_empty() {
+        scan.cloud.parameters = Some(array(rows.parameters, roles.parameters.len()));
+    }
+    scan.on_boundary = roles.boundary.map(|_| rows.on_boundary);
+    scan.weights = roles.weights.map(|_| rows.weights);
+    scan.normals = roles.normals.map(|_| rows.normals);
+    let meaning = of_ijk(&mut scan, &roles, rows.grid, rows.ijk, names.as_ref())?;
+    scan.columns = roles.taken(meaning, names.as_ref());
+    if let Some(names) = &names {
+        let is_taken = |column: usize| scan.columns.iter().any(|taken| taken.number == column + 1);
+        let ignored: Vec<String> = (0..names.written.len())
+            .filter(|&column| !is_taken(column) && !names.written[column].is_empty())
+            .map(|column| crate::error::quote(&names.written[column]))
+            .collect();
+        if !ignored.is_empty() {
+            scan.notes.push(format!("columns that were ignored: {}", ignored.join(", ")));
+        }
+    }
+    scan.notes.extend(rows.notes);
+    Ok(scan)
+}
+
+/// The first lines that hold data, without their comments.
+fn sample(lines: Lines<'_>) -> Vec<Line<'_>> {
+    // A line that a semicolon opens is a comment, unless semicolons separate, which is not known yet; others are no comments.
+    fn content(line: Line<'_>) -> Option<Line<'_>> {
+        let start = line.text.iter().position(|&b| !is_blank(b))?;
+        data(line, if line.text[start] == b';' { Separator::Blanks } else { Separator::Byte(b';') })
+    }
+    lines.filter_map(content).take(SAMPLE).collect()
+}
+
+/// Finds what columns i, j and k hold, and puts it into the scan.
+fn of_ijk(
+    scan: &mut Scan,
+    roles: &Roles,
+    given: Vec<[f64; 2]>,
+    ijk: Vec<[f64; 3]>,
+    names: Option<&Names>,
+) -> Result<Option<Meaning>, ReadErrorKind> {
+    let called = |columns: &[usize]| {
+        let name = |&c: &usize| names.map_or_else(|| (c + 1).to_string(), |names| names.written[c].clone());
+        columns.iter().map(name).collect::<Vec<_>>().join(",")
+    };
+    let column = |rows: &[[f64; 3]], k: usize| -> Vec<f64> { rows.iter().map(|row| row[k]).collect() };
+    let pairs_are_indices = |pairs: &[[f64; 2]]| {
+        let [i, j] = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).collect::<Vec<f64>>());
+        meaning(&i, &j, None) == Meaning::Indices
+    };
+    if let Some(columns) = roles.grid {
+        if pairs_are_indices(&given) {
+            to_grid(scan, &given, &called(&columns));
+        } else if roles.grid_is_given {
+            return Err(not_indices(&given, |row| scan.line(row).unwrap_or_default()));
+        } else {
+            scan.notes.push(format!("columns {} are no indices of a grid", called(&columns)));
+        }
+        return Ok(None);
+    }
+    let Some(columns) = roles.ijk else { return Ok(None) };
+    let k = columns.k.map(|_| column(&ijk, 2));
+    let meaning = meaning(&column(&ijk, 0), &column(&ijk, 1), k.as_deref());
+    match meaning {
+        Meaning::Indices => {
+            let pairs: Vec<[f64; 2]> = ijk.iter().map(|&[i, j, _]| [i, j]).collect();
+            to_grid(scan, &pairs, &called(&columns.ij));
+        }
+        Meaning::Normals => {
+            scan.notes.push(format!(
+                "columns {} were taken as normals; --normals none takes them for nothing",
+                called(&[columns.ij[0], columns.ij[1], columns.k.unwrap_or_default()])
+            ));
+            scan.normals = Some(ijk);
+        }
+        Meaning::Neither => scan.notes.push(format!("columns {} are no indices of a grid", called(&columns.ij))),
+    }
+    Ok(Some(meaning))
+}
+
+/// The decimal sign of a text of numbers between blanks.
+///
+/// # Errors
+/// [`ReadErrorKind::AmbiguousComma`] where both signs occur.
+pub(super) fn decimal_of(lines: Lines<'_>, given: Option<Decimal>) -> Result<Decimal, ReadErrorKind> {
+    if let Some(decimal) = given {
+        return Ok(decimal);
+    }
+    let lines: Vec<Line<'_>> = lines.take(SAMPLE).collect();
+    let has = |byte: u8| lines.iter().find(|line| line.text.contains(&byte));
+    match (has(b','), has(b'.')) {
+        (Some(line), Some(_)) => {
+            Err(ReadErrorKind::AmbiguousComma { line: line.number, text: super::text::quote(line.text) })
+        }
+        (Some(_), None) => Ok(Decimal::Comma),
+        (None, _) => Ok(Decimal::Point),
+    }
+}
