@@ -39,7 +39,9 @@ pub enum Error {
     #[error(transparent)]
     Space(#[from] thb_core::Error),
     /// Points of a surface have three coordinates.
-    #[error("points have {given} coordinates; a surface needs x, y and z")]
+    #[error(
+        "points have {given} coordinates; a surface needs x, y and z, which --columns names; thb fit-curve fits curves"
+    )]
     Coordinates {
         /// Number of coordinates found.
         given: usize,
@@ -94,11 +96,14 @@ pub enum Error {
     },
     /// A parameter to evaluate at lies outside the model's domain.
     #[error(
-        "{}: {name} = {value} lies outside the model's domain [{}, {}]",
+        "{}: {}: {name} = {value} lies outside the model's domain [{}, {}]",
+        path.display(),
         line.map_or_else(|| format!("point {place} (from 0)"), |line| format!("line {line}")),
         domain[0], domain[1]
     )]
     EvalOutside {
+        /// The file with the parameters.
+        path: PathBuf,
         /// Its line in the file, from 1, where that is text.
         line: Option<usize>,
         /// Index of the row, from 0.

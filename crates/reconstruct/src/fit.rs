@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use deviation::{Thresholds, Verdict};
+use deviation::{Reason, Thresholds, Verdict};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2, Axis};
 use point_cloud::loop_length;
@@ -30,6 +30,9 @@ const CROWDED: f64 = 0.7;
 
 /// Share of neighbouring samples between which the normal may turn by more than a right angle before the user is warned.
 const MOST_CREASES: f64 = 2e-3;
+
+/// Reasons of a verdict that parameters which are none bring about.
+const TORN: [&str; 3] = ["folded", "crosses-itself", "swings-out"];
 
 /// Width of the strip along the sides of the domain, as a share of it, and the share of the cells in it from which on the outline is
 /// told to be ragged: of even cells 8 % are there. Surfaces of few control points are not told.
@@ -95,6 +98,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let _guard = span.enter();
     let format = scan.format;
     let columns = scan.columns.clone();
+    let has_heights = scan.cell.is_some() || options.parameters.read.height_field;
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let asked = options;
@@ -213,6 +217,14 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         let found = trims(&laid_out, &map, parameters.view(), tolerance)?;
         holes = found.holes;
         warnings.extend(found.warnings);
+    }
+    let is_torn = |reason: &Reason| TORN.contains(&reason.code);
+    if laid_out.report.method == "given" && !has_heights && judgement.reasons.iter().any(is_torn) {
+        warnings.push(
+            "the parameters u, v of the file fold or tear the surface, as places in a texture do: --param mean-value lays the points \
+             out by their shape"
+                .to_owned(),
+        );
     }
     let normals = match &laid_out.normals {
         Some(normals) => vote(&map, &parameters, normals)?,

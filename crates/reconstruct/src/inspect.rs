@@ -142,10 +142,11 @@ pub fn eval_model(model: &Path, parameters: &Path) -> Result<Evaluation, Error> 
         Geometry::Surface(_) => &["u", "v"],
     };
     let mut columns: Vec<String> = columns.iter().map(|&name| name.to_owned()).collect();
-    let scan = read_parameters(parameters, &columns)?;
+    let path = parameters;
+    let scan = read_parameters(path, &columns)?;
     let (parameters, image) = match &geometry {
-        Geometry::Curve(map) => eval_rows(map, &scan)?,
-        Geometry::Surface(map) => eval_rows(map, &scan)?,
+        Geometry::Curve(map) => eval_rows(map, path, &scan)?,
+        Geometry::Surface(map) => eval_rows(map, path, &scan)?,
     };
     let names = ["x", "y", "z"].map(str::to_owned).into_iter().chain((4..).map(|k| format!("c{k}")));
     columns.extend(names.take(image.ncols()));
@@ -175,7 +176,11 @@ fn read_parameters(path: &Path, columns: &[String]) -> Result<geom_io::Scan, Err
 const BEYOND_DOMAIN: f64 = 1e-12;
 
 /// The parameters, those beyond the domain by round-off on its boundary, and the points there.
-fn eval_rows<const D: usize>(map: &SplineMap<D>, scan: &geom_io::Scan) -> Result<(Array2<f64>, Array2<f64>), Error> {
+fn eval_rows<const D: usize>(
+    map: &SplineMap<D>,
+    path: &Path,
+    scan: &geom_io::Scan,
+) -> Result<(Array2<f64>, Array2<f64>), Error> {
     let mut parameters = scan.cloud.points.clone();
     let (lower, upper) = map.space().domain();
     for (place, mut row) in parameters.outer_iter_mut().enumerate() {
@@ -185,13 +190,13 @@ fn eval_rows<const D: usize>(map: &SplineMap<D>, scan: &geom_io::Scan) -> Result
         for d in 0..D {
             let (value, nearest) = (row[d], row[d].clamp(lower[d], upper[d]));
             if (value - nearest).abs() > BEYOND_DOMAIN * (upper[d] - lower[d]) {
-                let domain = [lower[d], upper[d]];
                 return Err(Error::EvalOutside {
+                    path: path.to_owned(),
                     line: scan.line(place),
                     place,
                     name: ["u", "v", "w"][d],
                     value,
-                    domain,
+                    domain: [lower[d], upper[d]],
                 });
             }
             row[d] = nearest;

@@ -10,6 +10,7 @@ mod lab;
 mod layouts;
 mod methods;
 mod models;
+mod normals;
 mod results;
 mod reweighting;
 mod scans;

@@ -3,6 +3,7 @@
 use geom_io::{Decimal, Format, ReadErrorKind as Kind, ReadOptions, Scan, parse_scan};
 use ndarray::{Array2, arr2};
 use point_cloud::GridShape;
+use proptest::prelude::*;
 
 fn read(format: Format, text: impl AsRef<[u8]>) -> Scan {
     parse_scan(text.as_ref(), format, &ReadOptions::default()).unwrap()
@@ -453,9 +454,9 @@ fn labels_of_the_boundary_in_words() {
 
 #[test]
 fn lines_of_words_between_points_are_counted_and_other_words_are_an_error() {
-    let scan = read(Format::Xyz, "x y z\n1 2 3\n4 5 6\nx y z\n7 8 9\nend of file\n");
+    let scan = read(Format::Xyz, "x y z\n1 2 3\n4 5 6\nx y z\n7 8 9\nTotal points: 3\nEnd: 3\nNumber of points: 3\n");
     assert_eq!(scan.cloud.points, arr2(&[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]));
-    assert_eq!(scan.notes, ["2 lines hold no numbers and were skipped, the first is line 4"]);
+    assert_eq!(scan.notes, ["4 lines between the points are none and were skipped, the first is line 4"]);
     let error = fail(Format::Xyz, "1 2 3\n4 5 6\n7 eight 9\n");
     let message = error.to_string();
     assert!(
@@ -526,4 +527,86 @@ fn grids_and_ptx_are_known_by_what_they_hold() {
         fail(Format::Ptx, format!("4000000000\n4000000000\n{pose}1 0 0 1\n")),
         Kind::Truncated { found: 1, .. }
     ));
+}
+
+/// Few letters, of which most texts look like a table of some kind.
+fn text() -> impl Strategy<Value = String> {
+    let piece = prop::sample::select(vec![
+        "0",
+        "1",
+        "2.5",
+        "-3",
+        "4,5",
+        "1e3",
+        "7D2",
+        "nan",
+        "1.#IND",
+        "",
+        "x",
+        "y",
+        "z",
+        "i",
+        "j",
+        "k",
+        "u",
+        "v",
+        "id",
+        "\"",
+        "\"\"",
+        "#",
+        "//",
+        "%",
+        ";",
+        ",",
+        ", ",
+        "\t",
+        " ",
+        "  ",
+        "|",
+        "\n",
+        "\r\n",
+        "\r",
+        "X [mm]",
+        "DSAA",
+        "ncols 2",
+        "nodata -9999",
+        "\u{e9}",
+    ]);
+    prop::collection::vec(piece, 0..120).prop_map(|pieces| pieces.concat())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_stands_in_a_table_is_read_or_refused(
+        text in text(),
+        columns in prop::option::of(prop::sample::select(vec!["x,y", "1,2,3", "z", "9", "id,1"])),
+        normals in prop::option::of(prop::sample::select(vec!["i,j,k", "1,2,3", ""])),
+        grid in prop::option::of(prop::sample::select(vec!["i,j", "1,2", ""])),
+        decimal in prop::sample::select(vec![None, Some(Decimal::Point), Some(Decimal::Comma)]),
+        skip in 0_usize..4,
+    ) {
+        let named = |names: &str| names.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect::<Vec<_>>();
+        let options = ReadOptions {
+            columns: columns.map(named).unwrap_or_default(),
+            normals: normals.map(named),
+            grid: grid.map(named),
+            decimal,
+            skip,
+            ..ReadOptions::default()
+        };
+        for format in [Format::Xyz, Format::Csv, Format::EsriGrid, Format::SurferGrid, Format::Ptx] {
+            match parse_scan(text.as_bytes(), format, &options) {
+                Ok(scan) => {
+                    let count = scan.cloud.points.nrows();
+                    prop_assert!(count > 0 && scan.rows.len() == count && scan.cloud.points.iter().all(|c| c.is_finite()));
+                    prop_assert!(scan.normals.as_ref().is_none_or(|normals| normals.len() == count));
+                    prop_assert!(scan.cloud.grid.is_none_or(|grid| grid.n_u * grid.n_v == count));
+                    prop_assert!(scan.cloud.parameters.is_none_or(|uv| uv.nrows() == count && uv.iter().all(|c| c.is_finite())));
+                }
+                Err(error) => prop_assert!(error.to_string().len() < 1000, "{error}"),
+            }
+        }
+    }
 }

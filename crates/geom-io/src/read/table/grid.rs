@@ -40,8 +40,8 @@ pub(super) fn meaning(i: &[f64], j: &[f64], k: Option<&[f64]>) -> Meaning {
 }
 
 /// Sorts a scan into row order by its grid indices, one pair a point, which may start anywhere and go up by any step. Points of
-/// a grid with gaps, or with two points at a place, stay as they are, without order; a note says so.
-pub(super) fn to_grid(scan: &mut Scan, indices: &[[f64; 2]], names: &str) {
+/// a grid with gaps, or with two points at a place, stay as they are, without order; a note says so. Returns whether it is a grid.
+pub(super) fn to_grid(scan: &mut Scan, indices: &[[f64; 2]], names: &str) -> bool {
     let axis = |k: usize| {
         let mut values: Vec<f64> = indices.iter().map(|pair| pair[k]).collect();
         values.sort_unstable_by(f64::total_cmp);
@@ -63,7 +63,7 @@ pub(super) fn to_grid(scan: &mut Scan, indices: &[[f64; 2]], names: &str) {
             "columns {names} were ignored: two points have the indices ({i}, {j}), on lines {}",
             lines.join(" and ")
         ));
-        return;
+        return false;
     }
     let places = n_u.saturating_mul(n_v);
     let missing = places - indices.len();
@@ -76,13 +76,14 @@ pub(super) fn to_grid(scan: &mut Scan, indices: &[[f64; 2]], names: &str) {
             "the grid of columns {names} has no point at {missing} of its {n_u} × {n_v} places, the first ({i}, {j}): \
              its points were read without order"
         ));
-        return;
+        return false;
     }
     if !order.is_sorted() {
         scan.select(&order);
         scan.notes.push(format!("rows were sorted by ({})", names.replace(',', ", ")));
     }
     scan.cloud.grid = Some(GridShape { n_u, n_v });
+    true
 }
 
 /// Greatest common divisor of two whole numbers that are not negative.

@@ -81,14 +81,12 @@ pub(super) fn read(lines: Lines<'_>, format: Format, options: &ReadOptions) -> R
     scan.on_boundary = roles.boundary.map(|_| rows.on_boundary);
     scan.weights = roles.weights.map(|_| rows.weights);
     scan.normals = roles.normals.map(|_| rows.normals);
-    let meaning = of_ijk(&mut scan, &roles, rows.grid, rows.ijk, names.as_ref())?;
-    scan.columns = roles.taken(meaning, names.as_ref());
+    let order = put_in_order(&mut scan, &roles, &rows.grid, rows.ijk, names.as_ref())?;
+    scan.columns = roles.taken(order, names.as_ref());
     if let Some(names) = &names {
         let is_taken = |column: usize| scan.columns.iter().any(|taken| taken.number == column + 1);
-        let ignored: Vec<String> = (0..names.written.len())
-            .filter(|&column| !is_taken(column) && !names.written[column].is_empty())
-            .map(|column| crate::error::quote(&names.written[column]))
-            .collect();
+        let is_ignored = |column: &usize| !is_taken(*column) && !names.written[*column].is_empty();
+        let ignored = names.listed((0..names.written.len()).filter(is_ignored));
         if !ignored.is_empty() {
             scan.notes.push(format!("columns that were ignored: {}", ignored.join(", ")));
         }
@@ -107,51 +105,64 @@ fn sample(lines: Lines<'_>) -> Vec<Line<'_>> {
     lines.filter_map(content).take(SAMPLE).collect()
 }
 
-/// Finds what columns i, j and k hold, and puts it into the scan.
-fn of_ijk(
+/// What columns of grid indices and columns i, j and k turned out to be.
+#[derive(Clone, Copy, Debug)]
+struct Order {
+    /// Whether the points are a grid by their indices.
+    is_grid: bool,
+    /// What i, j and k hold.
+    ijk: Option<Meaning>,
+}
+
+/// Finds what columns of grid indices and columns i, j and k hold, and puts it into the scan.
+fn put_in_order(
     scan: &mut Scan,
     roles: &Roles,
-    given: Vec<[f64; 2]>,
+    indices: &[[f64; 2]],
     ijk: Vec<[f64; 3]>,
     names: Option<&Names>,
-) -> Result<Option<Meaning>, ReadErrorKind> {
+) -> Result<Order, ReadErrorKind> {
     let called = |columns: &[usize]| {
-        let name = |&c: &usize| names.map_or_else(|| (c + 1).to_string(), |names| names.written[c].clone());
+        let name =
+            |&c: &usize| names.map_or_else(|| (c + 1).to_string(), |names| crate::error::quote(&names.written[c]));
         columns.iter().map(name).collect::<Vec<_>>().join(",")
     };
     let column = |rows: &[[f64; 3]], k: usize| -> Vec<f64> { rows.iter().map(|row| row[k]).collect() };
-    let pairs_are_indices = |pairs: &[[f64; 2]]| {
-        let [i, j] = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).collect::<Vec<f64>>());
-        meaning(&i, &j, None) == Meaning::Indices
-    };
-    if let Some(columns) = roles.grid {
-        if pairs_are_indices(&given) {
-            to_grid(scan, &given, &called(&columns));
-        } else if roles.grid_is_given {
-            return Err(not_indices(&given, |row| scan.line(row).unwrap_or_default()));
-        } else {
-            scan.notes.push(format!("columns {} are no indices of a grid", called(&columns)));
-        }
-        return Ok(None);
+    let ijk_mean = roles.ijk.map(|columns| {
+        let k = columns.k.map(|_| column(&ijk, 2));
+        meaning(&column(&ijk, 0), &column(&ijk, 1), k.as_deref())
+    });
+    // Rows of a grid are sorted, and all that belongs to them: normals come first.
+    if let (Some(Meaning::Normals), Some(columns)) = (ijk_mean, roles.ijk) {
+        scan.notes.push(format!(
+            "columns {} were taken as normals; --normals none takes them for nothing",
+            called(&[columns.ij[0], columns.ij[1], columns.k.unwrap_or_default()])
+        ));
+        scan.normals = Some(ijk.clone());
     }
-    let Some(columns) = roles.ijk else { return Ok(None) };
-    let k = columns.k.map(|_| column(&ijk, 2));
-    let meaning = meaning(&column(&ijk, 0), &column(&ijk, 1), k.as_deref());
-    match meaning {
-        Meaning::Indices => {
+    let is_grid = match (roles.grid, roles.ijk, ijk_mean) {
+        (Some(columns), ..) => {
+            let [i, j] = [0, 1].map(|k| indices.iter().map(|pair| pair[k]).collect::<Vec<f64>>());
+            if meaning(&i, &j, None) == Meaning::Indices {
+                to_grid(scan, indices, &called(&columns))
+            } else if roles.grid_is_given {
+                return Err(not_indices(indices, |row| scan.line(row).unwrap_or_default()));
+            } else {
+                scan.notes.push(format!("columns {} are no indices of a grid", called(&columns)));
+                false
+            }
+        }
+        (None, Some(columns), Some(Meaning::Indices)) => {
             let pairs: Vec<[f64; 2]> = ijk.iter().map(|&[i, j, _]| [i, j]).collect();
-            to_grid(scan, &pairs, &called(&columns.ij));
+            to_grid(scan, &pairs, &called(&columns.ij))
         }
-        Meaning::Normals => {
-            scan.notes.push(format!(
-                "columns {} were taken as normals; --normals none takes them for nothing",
-                called(&[columns.ij[0], columns.ij[1], columns.k.unwrap_or_default()])
-            ));
-            scan.normals = Some(ijk);
+        (None, Some(columns), Some(Meaning::Neither)) => {
+            scan.notes.push(format!("columns {} are no indices of a grid", called(&columns.ij)));
+            false
         }
-        Meaning::Neither => scan.notes.push(format!("columns {} are no indices of a grid", called(&columns.ij))),
-    }
-    Ok(Some(meaning))
+        _ => false,
+    };
+    Ok(Order { is_grid, ijk: ijk_mean })
 }
 
 /// The decimal sign of a text of numbers between blanks.

@@ -93,6 +93,9 @@ pub(super) struct Ijk {
     pub(super) k: Option<usize>,
 }
 
+/// Most names in a message.
+const MOST_LISTED: usize = 20;
+
 impl Names {
     /// The fields of a line as names.
     pub(super) fn of(fields: &[Field<'_>]) -> Self {
@@ -125,6 +128,17 @@ impl Names {
         None
     }
 
+    /// Names as messages list them: short ones, and not all where there are many.
+    pub(super) fn listed(&self, columns: impl Iterator<Item = usize>) -> Vec<String> {
+        let mut listed: Vec<String> = columns.map(|column| crate::error::quote(&self.written[column])).collect();
+        let more = listed.len().saturating_sub(MOST_LISTED);
+        if more > 0 {
+            listed.truncate(MOST_LISTED);
+            listed.push(format!("… ({more} more)"));
+        }
+        listed
+    }
+
     /// The column of a name, upper and lower case being the same; units behind a name need not be given.
     ///
     /// # Errors
@@ -153,7 +167,7 @@ impl Names {
 
     fn first_of(&self, synonyms: Synonyms) -> Result<Option<usize>, ReadErrorKind> {
         for name in synonyms {
-            if let Some(column) = self.only(|&k| self.plain[k] == *name, name)? {
+            if let Some(column) = self.find(name)? {
                 return Ok(Some(column));
             }
         }

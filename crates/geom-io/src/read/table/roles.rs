@@ -1,7 +1,8 @@
 //! Which column of a table holds what.
 
 use super::super::ReadOptions;
-use super::super::text::{parse_count, quote};
+use super::super::text::parse_count;
+use super::Order;
 use super::counter::{Counter, Written, first_is};
 use super::dialect::Dialect;
 use super::fields::Field;
@@ -46,7 +47,7 @@ impl Roles {
                 Ok(found) => {
                     let other = |(&column, axis): (&usize, &&str)| !names.written[column].eq_ignore_ascii_case(axis);
                     if found.columns.iter().zip(&AXES).any(other) {
-                        let written: Vec<&str> = found.columns.iter().map(|&c| names.written[c].as_str()).collect();
+                        let written = names.listed(found.columns.iter().copied());
                         let axes = &AXES[..written.len()];
                         taken_for = Some(format!("columns {} were taken as {}", written.join(", "), axes.join(", ")));
                     }
@@ -69,7 +70,7 @@ impl Roles {
         let normals = options.normals.iter().flatten().map(&mut find).collect::<Result<Vec<_>, _>>()?;
         let grid = options.grid.iter().flatten().map(&mut find).collect::<Result<Vec<_>, _>>()?;
         if !missing.is_empty() {
-            let found = names.written.iter().map(|name| quote(name.as_bytes())).collect();
+            let found = names.listed(0..names.written.len());
             return Err(ReadErrorKind::ColumnsNotFound { missing, found });
         }
         roles.set_given(&normals, &grid, options)?;
@@ -178,7 +179,7 @@ impl Roles {
     }
 
     /// What was taken, once it is known what i, j and k mean.
-    pub(super) fn taken(&self, meaning: Option<Meaning>, names: Option<&Names>) -> Vec<TakenColumn> {
+    pub(super) fn taken(&self, order: Order, names: Option<&Names>) -> Vec<TakenColumn> {
         let mut taken: Vec<(usize, &'static str)> = Vec::new();
         taken.extend(
             self.coordinates
@@ -190,11 +191,11 @@ impl Roles {
         taken.extend(self.boundary.map(|column| (column, "boundary")));
         taken.extend(self.weights.map(|column| (column, "weight")));
         let normals = self.normals.or_else(|| {
-            let Ijk { ij: [i, j], k } = self.ijk.filter(|_| meaning == Some(Meaning::Normals))?;
+            let Ijk { ij: [i, j], k } = self.ijk.filter(|_| order.ijk == Some(Meaning::Normals))?;
             Some([i, j, k?])
         });
         taken.extend(normals.into_iter().flatten().zip(["normal x", "normal y", "normal z"]));
-        let grid = self.grid.or_else(|| self.ijk.filter(|_| meaning == Some(Meaning::Indices)).map(|ijk| ijk.ij));
+        let grid = self.grid.or_else(|| self.ijk.map(|ijk| ijk.ij)).filter(|_| order.is_grid);
         taken.extend(grid.into_iter().flatten().zip(["grid row", "grid column"]));
         let name = |column: usize| names.and_then(|names| names.written.get(column).cloned());
         taken.into_iter().map(|(column, role)| TakenColumn { number: column + 1, name: name(column), role }).collect()

@@ -118,20 +118,26 @@ impl Reader<'_> {
         let surplus = |fields: &[Field<'_>]| {
             filled(fields) > self.most && (self.has_names || fields[self.most..].iter().any(is_number))
         };
+        // A title among the points: words where two coordinates stand, or the first one of a line of another length.
+        let columns = &self.roles.coordinates;
+        let is_words = |column: &usize| {
+            fields.get(*column).is_some_and(|field| self.dialect.style.value(field.text) == Value::Words)
+        };
         let is_short = fields.len() < self.needed;
         if is_short || surplus(fields) {
-            // A line of words is none of the rows, however many.
-            if !fields.iter().any(is_number) {
-                return self.skip(line);
-            }
-            return Err(line.row_length(self.expected, filled(fields)));
+            return match !fields.iter().any(is_number) || columns.first().is_some_and(is_words) {
+                true => self.skip(line),
+                false => Err(line.row_length(self.expected, filled(fields))),
+            };
         }
         match self.values(line, fields)? {
-            Row::Words if !fields.iter().any(is_number) => return self.skip(line),
             Row::Words => {
-                let mut needed = self.roles.coordinates.iter().chain(&self.roles.parameters).chain(&self.roles.weights);
-                let is_words = |&&column: &&usize| self.dialect.style.value(fields[column].text) == Value::Words;
-                let column = needed.find(is_words).copied().unwrap_or_default();
+                let words = columns.iter().filter(|column| is_words(column)).count();
+                if words > 1 || !fields.iter().any(is_number) {
+                    return self.skip(line);
+                }
+                let mut needed = columns.iter().chain(&self.roles.parameters).chain(&self.roles.weights);
+                let column = needed.find(|column| is_words(column)).copied().unwrap_or_default();
                 return Err(not_a_number(line, column, fields[column]));
             }
             Row::Missing => self.left_out.add(line.number),
@@ -232,7 +238,9 @@ impl Reader<'_> {
         }
         let Count { lines, first } = self.words;
         if lines > 0 {
-            self.rows.notes.push(format!("{lines} lines hold no numbers and were skipped, the first is line {first}"));
+            self.rows
+                .notes
+                .push(format!("{lines} lines between the points are none and were skipped, the first is line {first}"));
         }
         let Count { lines: left_out, first } = self.left_out;
         if self.rows.rows.is_empty() && left_out > 0 {
