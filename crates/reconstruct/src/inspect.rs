@@ -45,6 +45,8 @@ pub struct Comparison {
     pub max_at_parameters: Option<f64>,
     /// How the surface lies on the scan: its triangles where the file has some.
     pub deviation: Deviation,
+    /// Remarks of the reader of the scan.
+    pub notes: Vec<String>,
 }
 
 /// Compares a cloud, read as `read` says, with a model: distances of its points to their closest points on the surface.
@@ -94,6 +96,7 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
         within: of_points.within,
         max_at_parameters,
         deviation,
+        notes: scan.notes,
     })
 }
 
@@ -129,6 +132,8 @@ pub struct Evaluation {
     pub columns: Vec<String>,
     /// A row for each parameter.
     pub rows: Array2<f64>,
+    /// Remarks of the reader of the parameters.
+    pub notes: Vec<String>,
 }
 
 /// Points of a model at the parameters of a CSV file with the columns u and v (curves: u), or with as many columns without names.
@@ -152,7 +157,7 @@ pub fn eval_model(model: &Path, parameters: &Path) -> Result<Evaluation, Error> 
     columns.extend(names.take(image.ncols()));
     let rows =
         ndarray::concatenate(Axis(1), &[parameters.view(), image.view()]).map_err(|_| fit_ls::Error::NoPoints)?;
-    Ok(Evaluation { columns, rows })
+    Ok(Evaluation { columns, rows, notes: scan.notes })
 }
 
 /// Reads parameters by the names of their columns; without names by their order, if there are no others.

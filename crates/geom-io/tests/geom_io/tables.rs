@@ -346,6 +346,10 @@ fn points_without_a_value_are_left_out_and_counted() {
             assert_eq!(scan.cloud.points.nrows(), seen.len(), "{declared}");
         }
     }
+    for comment in ["# no data in 3 rows", "# nodata", "# 3 nodata"] {
+        assert_eq!(read(Format::Xyz, format!("{comment}\n1 2 3\n3 3 4\n4 5 6\n")).cloud.points.nrows(), 3, "{comment}");
+    }
+    assert_eq!(read(Format::Xyz, "# nodata = 0\n0 0 3\n1 0 0\n0 1 5\n").rows, [0, 2]);
     let other = read(Format::Csv, "x,y,z,intensity\n1,2,3,7\n4,5,6,\n7,8,9,\n");
     assert_eq!((other.cloud.points.nrows(), other.notes.len()), (3, 1));
     let weighted = ReadOptions { weights: Some("w".to_owned()), ..ReadOptions::default() };

@@ -71,7 +71,7 @@ pub(super) fn read(lines: Lines<'_>, format: Format, options: &ReadOptions) -> R
             }
         });
     }
-    if names.is_none() && format == Format::Csv && options.columns.is_empty() {
+    if names.is_none() && format == Format::Csv && options.columns.is_empty() && roles.coordinates[0] == 0 {
         scan.notes.push("no line names the columns; they were taken as x, y, z".to_owned());
     }
     scan.notes.extend(roles.notes.iter().cloned());

@@ -146,14 +146,15 @@ impl<'a> Opening<'a> {
     }
 }
 
-/// The number behind the word for no data in a line.
+/// The number behind the words for no data in a line: `nodata -9999`, `NODATA_value = -9999`, `no data: -1e30`.
 fn declared_in(line: &[u8], style: NumberStyle) -> Option<f64> {
     let text = String::from_utf8_lossy(line).to_lowercase();
     let joined = text.replace("no data", "nodata").replace("no_data", "nodata").replace("no-data", "nodata");
-    let after = joined.split_once("nodata")?.1;
-    let mut tokens = after.split(|c: char| !(c.is_ascii_alphanumeric() || "+-.,".contains(c)));
-    tokens.find_map(|token| match style.value(token.as_bytes()) {
+    let after = joined.split_once("nodata")?.1.trim_start_matches(['_', '-', ' ']);
+    let after = after.strip_prefix("values").or(after.strip_prefix("value")).unwrap_or(after);
+    let after = after.trim_start_matches([' ', '\t', ':', '=', ',', ';']);
+    match style.value(after.split([' ', '\t', ';']).next().unwrap_or_default().as_bytes()) {
         Value::Number(value) => Some(value),
         _ => None,
-    })
+    }
 }

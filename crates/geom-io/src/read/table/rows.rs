@@ -162,11 +162,15 @@ impl Reader<'_> {
         let value = |column: usize| dialect.style.value(fields[column].text);
         let before = [rows.points.len(), rows.parameters.len()];
         let mut row = Row::Whole;
+        // The mark of no data stands for a height: 0 and 1 may be places.
+        let height = roles.coordinates.last();
         for (&column, is_coordinate) in
             roles.coordinates.iter().map(|c| (c, true)).chain(roles.parameters.iter().map(|c| (c, false)))
         {
             match value(column) {
-                Value::Number(number) if is_coordinate && declared.is_some_and(|none| is_declared(number, none)) => {
+                Value::Number(number)
+                    if height == Some(&column) && declared.is_some_and(|none| is_declared(number, none)) =>
+                {
                     row = Row::Missing;
                     break;
                 }
