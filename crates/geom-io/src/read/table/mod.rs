@@ -102,7 +102,12 @@ fn sample(lines: Lines<'_>) -> Vec<Line<'_>> {
         let start = line.text.iter().position(|&b| !is_blank(b))?;
         data(line, if line.text[start] == b';' { Separator::Blanks } else { Separator::Byte(b';') })
     }
-    lines.filter_map(content).take(SAMPLE).collect()
+    let sample: Vec<Line<'_>> = lines.clone().filter_map(content).take(SAMPLE).collect();
+    if !sample.is_empty() {
+        return sample;
+    }
+    // The first field of every line is empty, then.
+    lines.filter_map(|line| data(line, Separator::Byte(b';'))).take(SAMPLE).collect()
 }
 
 /// What columns of grid indices and columns i, j and k turned out to be.
