@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use ndarray::{Array2, ArrayView1};
+use ndarray::Array2;
+use rayon::prelude::*;
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
@@ -53,13 +54,12 @@ pub(crate) fn vote(
     parameters: &Array2<f64>,
     normals: &[[f64; 3]],
 ) -> Result<Option<NormalsReport>, Error> {
-    let bezier = map.bezier();
+    let count = parameters.nrows().min(normals.len());
+    let side = |point: usize| side(map, [parameters[[point, 0]], parameters[[point, 1]]], &normals[point]);
+    let sides = (0..count).into_par_iter().map(side).collect::<Result<Vec<f64>, Error>>()?;
     let mut votes = [0_usize; 2];
-    for (uv, normal) in parameters.outer_iter().zip(normals) {
-        let side = side(map, bezier, uv, normal)?;
-        if side != 0.0 && side.is_finite() {
-            votes[usize::from(side < 0.0)] += 1;
-        }
+    for side in sides.into_iter().filter(|side| *side != 0.0 && side.is_finite()) {
+        votes[usize::from(side < 0.0)] += 1;
     }
     let points = votes[0] + votes[1];
     let reversed = votes[1] > votes[0];
@@ -68,13 +68,8 @@ pub(crate) fn vote(
 }
 
 /// Above 0 where a normal points to the side of `S_u × S_v`.
-fn side(
-    map: &SplineMap<2>,
-    bezier: &thb_core::BezierMap<2>,
-    uv: ArrayView1<'_, f64>,
-    normal: &[f64; 3],
-) -> Result<f64, Error> {
-    let u = [uv[0], uv[1]];
+fn side(map: &SplineMap<2>, u: [f64; 2], normal: &[f64; 3]) -> Result<f64, Error> {
+    let bezier = map.bezier();
     let cell = map.space().locate_cell(u)?;
     let [mut a, mut b] = [[0.0; 3]; 2];
     bezier.derivative(cell, u, [1, 0], &mut a);
