@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use reconstruct::{
     BlendChoice, BoundaryChoice, Clean, Closed, ClosedChoice, CornerChoice, Crop, CurveOptions, CurveParameters,
-    Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule,
+    Decimal, Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule,
     LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions, QuasiOptions,
     RadiusChoice, ReadOptions, Refine, ReweightingOptions, Samples, SideRule, Tolerance, UpdateChoice,
 };
@@ -96,7 +96,7 @@ const FIT_HELP: &str = "Examples:
       the ground of a terrain scan, as heights over x and y
 
 Input: meshes .ply .obj .off .stl .glb .3mf; clouds with parameters (.csv with the columns x,y,z,u,v, or G+Smo .xml); gridded clouds
-(.csv with the columns i,j,x,y,z, or .pcd); height fields .asc; unordered clouds .xyz .txt .pts .csv .pcd .las .laz .e57,
+(.csv with the columns i,j,x,y,z, .pcd or .ptx); height fields .asc .grd; unordered clouds .xyz .txt .pts .csv .pcd .las .laz .e57,
 laid out by their shape or, with --height-field, by x and y. All may be compressed (.xyz.gz) or alone in a .zip.
 
 If the tolerance is not reached, the report says why: 'levels' (allow more with --levels), 'max-dofs' (--max-dofs),
@@ -550,9 +550,24 @@ pub(crate) struct ReadArgs {
     /// [default: by the file's extension; .gz behind it is decompressed, and a .zip with one scan inside is opened]
     #[arg(long, value_name = "EXT", value_parser = format)]
     format: Option<Format>,
-    /// Columns of text files that hold x, y, z: names, or numbers from 1, as in x_km,y_km,z or 2,3,4.
+    /// Columns of text files that hold x, y, z: names, or numbers from 1, as in x_km,y_km,z or 2,3,4. No others are then guessed to be
+    /// grid indices or normals.
     #[arg(long, value_delimiter = ',')]
     columns: Vec<String>,
+    /// Columns of text files that hold the normal of the surface: names or numbers, as in 4,5,6; or none. [default: nx, ny, nz and
+    /// the like, and i, j, k where they aren't grid indices]
+    #[arg(long, value_delimiter = ',', value_name = "NX,NY,NZ|none")]
+    normals: Option<Vec<String>>,
+    /// Columns of text files that hold the row and the column of each point in a grid: names or numbers; or none.
+    /// [default: i and j, or row and column, where they are whole numbers]
+    #[arg(long, value_delimiter = ',', value_name = "I,J|none")]
+    grid: Option<Vec<String>>,
+    /// Lines at the start of a text file that are not looked at.
+    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
+    skip: usize,
+    /// Decimal sign of text files: point or comma; the other one may part thousands. [default: by the numbers]
+    #[arg(long, value_name = "SIGN", value_parser = decimal)]
+    decimal: Option<Decimal>,
     /// Classes of a LAS or LAZ file whose points are read, as in 2,9. [default: all]
     #[arg(long = "class", value_delimiter = ',', value_name = "CLASSES")]
     classes: Vec<u8>,
@@ -569,12 +584,33 @@ impl ReadArgs {
     pub(crate) fn options(&self) -> ReadOptions {
         ReadOptions {
             format: self.format,
-            columns: self.columns.iter().map(|column| column.trim().to_owned()).collect(),
+            columns: trimmed(&self.columns),
+            normals: self.normals.as_deref().map(named),
+            grid: self.grid.as_deref().map(named),
+            skip: self.skip,
+            decimal: self.decimal,
             classes: self.classes.clone(),
             weights: None,
             height_field: self.height_field,
             max_expand: self.max_expand,
         }
+    }
+}
+
+fn trimmed(columns: &[String]) -> Vec<String> {
+    columns.iter().map(|column| column.trim().to_owned()).collect()
+}
+
+/// Columns by name; the one word `none` stands for no columns.
+fn named(columns: &[String]) -> Vec<String> {
+    if columns.len() == 1 && columns[0].trim() == "none" { Vec::new() } else { trimmed(columns) }
+}
+
+fn decimal(text: &str) -> Result<Decimal, String> {
+    match text {
+        "point" => Ok(Decimal::Point),
+        "comma" => Ok(Decimal::Comma),
+        _ => Err("point or comma".to_owned()),
     }
 }
 

@@ -69,7 +69,8 @@ fn run(command: Command) -> anyhow::Result<u8> {
         Command::FitCurve(args) => return fit_curve(&args),
         Command::Param(args) => param(&args)?,
         Command::Eval { model, parameters } => {
-            let reconstruct::Evaluation { columns, rows } = reconstruct::eval_model(&model, &parameters)?;
+            let reconstruct::Evaluation { columns, rows, notes } = reconstruct::eval_model(&model, &parameters)?;
+            notes.iter().for_each(|note| complain(&progress::named(&parameters, note)));
             let mut out = BufWriter::new(io::stdout().lock());
             writeln!(out, "{}", columns.join(","))?;
             for row in rows.outer_iter() {

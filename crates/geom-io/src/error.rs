@@ -80,7 +80,7 @@ pub enum ReadErrorKind {
     Io(#[from] std::io::Error),
     /// The file name's extension names no format that can be read.
     #[error(
-        "unknown extension {extension:?}; supported are {supported}; convert the file, or name its format by the option format"
+        "unknown extension {extension:?}; supported are {supported}; convert the file, or name its format by --format"
     )]
     UnknownExtension {
         /// The extension, empty where there is none.
@@ -89,7 +89,7 @@ pub enum ReadErrorKind {
         supported: String,
     },
     /// Standard input, whose name tells no format, was given without one.
-    #[error("standard input has no extension that tells its format; name it by the option format")]
+    #[error("standard input has no extension that tells its format; name it by --format")]
     FormatNeeded,
     /// Compressed data expand beyond what scans do.
     #[error(
@@ -152,7 +152,7 @@ pub enum ReadErrorKind {
         reason: String,
     },
     /// An option was given that has no meaning for the format.
-    #[error("the option {option} is for {of}; it has no meaning for {format}")]
+    #[error("the option --{option} is for {of}; it has no meaning for {format}")]
     OptionOfOtherFormat {
         /// The option.
         option: &'static str,
@@ -162,13 +162,15 @@ pub enum ReadErrorKind {
         format: &'static str,
     },
     /// A column was asked for by name where none has one, or by a number that is none.
-    #[error("no line names the columns; the option columns takes numbers from 1 on here, not {column:?}")]
+    #[error("no line names the columns; --columns takes numbers from 1 on here, not {column:?}")]
     ColumnNumber {
         /// The column as given.
         column: String,
     },
     /// A column was asked for in a file whose columns have no names.
-    #[error("no line names the columns, so that the option {option} finds none; begin the file with their names")]
+    #[error(
+        "no line names the columns, so that --{option} takes a number from 1 on; or begin the file with their names"
+    )]
     NoNames {
         /// The option.
         option: &'static str,
@@ -225,6 +227,65 @@ pub enum ReadErrorKind {
     NotText {
         /// The line, counted from 1.
         line: usize,
+    },
+    /// The text is in UTF-16.
+    #[error("the file is UTF-16 text, as some programs call \"Unicode\"; save it as UTF-8 text")]
+    Utf16,
+    /// Commas may be decimal ones, or stand between columns or groups of digits.
+    #[error(
+        "line {line}: in {text:?} commas may be decimal ones or stand between columns or thousands; \
+         say --decimal comma or --decimal point"
+    )]
+    AmbiguousComma {
+        /// The line, counted from 1.
+        line: usize,
+        /// The field, or the line.
+        text: String,
+    },
+    /// A number has groups of digits, where separators are not beyond doubt.
+    #[error(
+        "line {line}: {text:?} has both a comma and a point; --decimal point reads its comma as one between thousands, \
+         --decimal comma its point"
+    )]
+    GroupedNumber {
+        /// The line, counted from 1.
+        line: usize,
+        /// The field.
+        text: String,
+    },
+    /// No point has all its coordinates.
+    #[error(
+        "none of the {rows} points has a value in all coordinates, the first is on line {line}; \
+         --columns says which columns hold them"
+    )]
+    NoValues {
+        /// Number of points.
+        rows: usize,
+        /// Line of the first one, counted from 1.
+        line: usize,
+    },
+    /// An option names more or fewer columns than what they are for has.
+    #[error("--{option} takes {expected} columns, not {given}")]
+    OptionColumns {
+        /// The option.
+        option: &'static str,
+        /// Columns that it takes.
+        expected: usize,
+        /// Columns that were given.
+        given: usize,
+    },
+    /// A field of a table is not a number.
+    #[error(
+        "line {line}, column {column}: {text:?} is not a number; --columns says which columns hold the coordinates, --skip how many \
+         lines stand before the points, --decimal the decimal sign"
+    )]
+    NotANumberInTable {
+        /// The line, counted from 1.
+        line: usize,
+        /// The column, counted from 1.
+        column: usize,
+        /// The field.
+        text: String,
     },
     /// A field is not a number.
     #[error("{location}: {text:?} is not a number; write numbers with a decimal point, and one separator throughout")]
@@ -316,7 +377,7 @@ pub enum ReadErrorKind {
     },
     /// A table lacks a column.
     #[error(
-        "no column named {}; the columns are: {}; say which ones hold the coordinates by the option columns",
+        "no column named {}; the columns are: {}; --columns says which ones hold the coordinates, by names or numbers",
         missing.join(", "), found.join(", ")
     )]
     ColumnsNotFound {
@@ -326,45 +387,18 @@ pub enum ReadErrorKind {
         found: Vec<String>,
     },
     /// A column that is needed occurs twice.
-    #[error("two columns are named {name}")]
+    #[error("two columns are named {name}; --columns says by numbers which ones hold the coordinates")]
     DuplicateColumn {
         /// The name.
         name: String,
     },
-    /// A grid index is not a whole number from 0 on.
-    #[error("line {line}: {text:?} is not a grid index; columns i and j count the grid from 0 or from 1")]
+    /// A grid index is not a whole number.
+    #[error("line {line}: {text:?} is not a grid index; the columns of --grid hold whole numbers")]
     GridIndex {
         /// The line, counted from 1.
         line: usize,
         /// The field.
         text: String,
-    },
-    /// A grid has a hole.
-    #[error(
-        "the grid has no point (i, j) = ({i}, {j}), the first of {missing} missing in {n_u} × {n_v}; \
-         complete it, or remove columns i and j"
-    )]
-    GridHole {
-        /// First index of the first missing point, as the file counts.
-        i: usize,
-        /// Second index of the first missing point, as the file counts.
-        j: usize,
-        /// How many points are missing.
-        missing: usize,
-        /// Number of points along i.
-        n_u: usize,
-        /// Number of points along j.
-        n_v: usize,
-    },
-    /// A grid has two points with the same indices.
-    #[error("the grid has two points (i, j) = ({i}, {j}), the second on line {line}")]
-    GridDuplicate {
-        /// First index, as the file counts.
-        i: usize,
-        /// Second index, as the file counts.
-        j: usize,
-        /// Line of the second one, counted from 1.
-        line: usize,
     },
     /// A grid is too narrow to have parameters in both directions.
     #[error("the grid has {n_u} × {n_v} cells; a surface needs at least 2 × 2")]

@@ -23,7 +23,7 @@ pub use model::{
     GRAPH, Geometry, LengthUnit, Model, ModelError, ModelErrorKind, ModelFormat, StepOptions, SvgOptions, WriteOptions,
     read_model, write_model,
 };
-pub use read::{Format, ReadOptions, Scan, parse_scan, read_scan, read_text};
+pub use read::{Decimal, Format, ReadOptions, Scan, TakenColumn, parse_scan, read_scan, read_text};
 pub use write::{
     ColourMap, MeshFormat, MeshStyle, MeshWithScalars, Scalars, check_writable, remove_unfinished, target_of,
     write_atomically, write_mesh,

@@ -3,7 +3,7 @@
 use std::array;
 use std::path::Path;
 
-use geom_io::{Format, ReadOptions, Scan, read_scan};
+use geom_io::{ReadOptions, Scan, read_scan};
 use ndarray::{Array2, ArrayView2};
 use point_cloud::{
     Duplicates, FarValues, GridShape, Neighbours, Pieces, TriangleMesh, check_surface_cloud, find_isolated,
@@ -176,7 +176,7 @@ fn is_height_field(scan: &Scan, options: &ParameterOptions) -> bool {
         let place = |x: f64| (0.5 * x - 0.5 * lower) / (0.5 * upper - 0.5 * lower);
         points.column(d).iter().zip(parameters.column(d)).all(|(&x, &u)| (place(x) - u).abs() <= SAME_PLACE)
     };
-    (options.read.height_field || scan.format == Format::EsriGrid)
+    (options.read.height_field || scan.cell.is_some())
         && points.ncols() == 3
         && parameters.ncols() == 2
         && (0..2).all(is_column)

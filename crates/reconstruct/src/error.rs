@@ -60,7 +60,9 @@ pub enum Error {
     #[error(transparent)]
     Space(#[from] thb_core::Error),
     /// Points of a surface have three coordinates.
-    #[error("points have {given} coordinates; a surface needs x, y and z")]
+    #[error(
+        "points have {given} coordinates; a surface needs x, y and z, which --columns names; thb fit-curve fits curves"
+    )]
     Coordinates {
         /// Number of coordinates found.
         given: usize,
@@ -92,16 +94,47 @@ pub enum Error {
     ClosedBothWays,
     /// Parameters of the file lie outside the unit square.
     #[error(
-        "parameter {value} (direction {direction} of point {index}) lies outside [0, 1]; use --domain data to fit on the \
-         box of the parameters, in which case a fixed --lambda applies in their units"
+        "{} = {value} of {} lies outside [0, 1], u runs from {} to {} and v from {} to {}; if they are parameters, --domain data fits on \
+         their box, where a fixed --lambda applies in their units; if they are pixels or the like, --param mean-value lays the \
+         points out by their shape",
+        ["u", "v"][usize::from(*direction != 0)],
+        line.map_or_else(|| format!("point {index} (from 0)"), |line| format!("line {line}")),
+        u.0, u.1, v.0, v.1
     )]
     OutsideUnitSquare {
         /// Index of the point, from 0.
         index: usize,
+        /// Its line in the file, from 1, where that is text.
+        line: Option<usize>,
         /// 0 for u, 1 for v.
         direction: usize,
         /// The parameter.
         value: f64,
+        /// Least and greatest u.
+        u: (f64, f64),
+        /// Least and greatest v.
+        v: (f64, f64),
+    },
+    /// A parameter to evaluate at lies outside the model's domain.
+    #[error(
+        "{}: {}: {name} = {value} lies outside the model's domain [{}, {}]",
+        path.display(),
+        line.map_or_else(|| format!("point {place} (from 0)"), |line| format!("line {line}")),
+        domain[0], domain[1]
+    )]
+    EvalOutside {
+        /// The file with the parameters.
+        path: PathBuf,
+        /// Its line in the file, from 1, where that is text.
+        line: Option<usize>,
+        /// Index of the row, from 0.
+        place: usize,
+        /// Name of the parameter.
+        name: &'static str,
+        /// The parameter.
+        value: f64,
+        /// Lower and upper end of the domain in this direction.
+        domain: [f64; 2],
     },
     /// A parameter of a closed curve lies outside its period.
     #[error(

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use adaptive::Stop;
-use deviation::{Thresholds, Verdict, directed_hausdorff};
+use deviation::{Reason, Thresholds, Verdict, directed_hausdorff};
 use geom_io::{Model, Scan, read_scan};
 use ndarray::{Array1, Array2, Axis};
 use param_classic::triangulate_parameters;
@@ -16,6 +16,7 @@ use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
 use crate::options::{BoundaryChoice, Pair};
+use crate::orientation::vote;
 use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
 use crate::report::{InputReport, Report, ResultReport, history, sides};
@@ -30,6 +31,9 @@ const CROWDED: f64 = 0.7;
 
 /// Share of neighbouring samples between which the normal may turn by more than a right angle before the user is warned.
 const MOST_CREASES: f64 = 2e-3;
+
+/// Reasons of a verdict that parameters which are none bring about.
+const TORN: [&str; 3] = ["folded", "crosses-itself", "swings-out"];
 
 /// Width of the strip along the sides of the domain, as a share of it, and the share of the cells in it from which on the outline is
 /// told to be ragged: of even cells 8 % are there. Surfaces of few control points are not told.
@@ -104,6 +108,8 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let span = tracing::info_span!("fit", name);
     let _guard = span.enter();
     let (format, of_file) = (scan.format, scan.unit);
+    let columns = scan.columns.clone();
+    let has_heights = scan.cell.is_some() || options.parameters.read.height_field;
     let (read_points, read_triangles) = (scan.cloud.points.nrows(), scan.triangles.as_ref().map(Vec::len));
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let asked = options;
@@ -252,6 +258,19 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         holes = found.holes;
         warnings.extend(found.warnings);
     }
+    let is_torn = |reason: &Reason| TORN.contains(&reason.code);
+    if laid_out.report.method == "given" && !has_heights && judgement.reasons.iter().any(is_torn) {
+        warnings.push(
+            "the parameters u, v of the file fold or tear the surface, as places in a texture do: --param mean-value lays the points \
+             out by their shape"
+                .to_owned(),
+        );
+    }
+    let normals = match &laid_out.normals {
+        Some(normals) => vote(&map, &parameters, normals)?,
+        None => None,
+    };
+    warnings.extend(normals.and_then(|normals| normals.warning()));
     let last = iterations[iterations.len() - 1];
     let thresholds = Thresholds { within: options.within, ..Thresholds::default() };
     judgement.reasons.extend(thresholds.set_aside(laid_out.report.cleaning.share_set_aside()));
@@ -266,6 +285,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             format: format.name(),
             points: read_points,
             triangles: read_triangles,
+            columns,
             fitted_points: points.nrows(),
             diagonal,
             parameterization: laid_out.report.method,
@@ -296,6 +316,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             thresholds,
             deviation: judgement.deviation,
             reweighting,
+            normals,
             sides: sides(&map)?,
             trimmed: options.trim_holes.then_some(holes.len()),
         },
@@ -304,7 +325,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     };
     let mut model = Model::surface(map, unit);
     model.metadata.insert("source".into(), name.into());
-    let reversed = laid_out.reversed != options.flip;
+    let reversed = normals.map_or(laid_out.reversed, |normals| normals.reversed) != options.flip;
     Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes, reversed })
 }
 

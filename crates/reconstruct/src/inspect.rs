@@ -1,11 +1,12 @@
 //! Questions about models and files.
 
+use std::array;
 use std::path::Path;
 
 use deviation::{Deviation, Thresholds};
 use geom_io::{
-    Geometry, LengthUnit, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadOptions, StepOptions,
-    WriteOptions, read_model, read_scan, write_mesh, write_model,
+    Geometry, LengthUnit, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadErrorKind, ReadOptions,
+    StepOptions, TakenColumn, WriteOptions, read_model, read_scan, write_mesh, write_model,
 };
 use ndarray::{Array2, Axis};
 use point_cloud::{BoundingBox, TriangleMesh, merge_duplicate_vertices};
@@ -43,6 +44,8 @@ pub struct Comparison {
     pub max_at_parameters: Option<f64>,
     /// How the surface lies on the scan: its triangles where the file has some.
     pub deviation: Deviation,
+    /// Remarks of the reader of the scan.
+    pub notes: Vec<String>,
 }
 
 /// Compares a cloud, read as `read` says, with a model: distances of its points to their closest points on the surface.
@@ -92,6 +95,7 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
         within: of_points.within,
         max_at_parameters,
         deviation,
+        notes: scan.notes,
     })
 }
 
@@ -127,9 +131,11 @@ pub struct Evaluation {
     pub columns: Vec<String>,
     /// A row for each parameter.
     pub rows: Array2<f64>,
+    /// Remarks of the reader of the parameters.
+    pub notes: Vec<String>,
 }
 
-/// Points of a model at the parameters of a CSV file with the columns u and v (curves: u).
+/// Points of a model at the parameters of a CSV file with the columns u and v (curves: u), or with as many columns without names.
 ///
 /// # Errors
 /// [`Error`].
@@ -140,25 +146,68 @@ pub fn eval_model(model: &Path, parameters: &Path) -> Result<Evaluation, Error> 
         Geometry::Surface(_) => &["u", "v"],
     };
     let mut columns: Vec<String> = columns.iter().map(|&name| name.to_owned()).collect();
-    let options = ReadOptions { columns: columns.clone(), ..ReadOptions::default() };
-    let parameters = read_scan(parameters, &options)?.cloud.points;
-    let image = match &geometry {
-        Geometry::Curve(map) => eval_rows(map, &parameters)?,
-        Geometry::Surface(map) => eval_rows(map, &parameters)?,
+    let path = parameters;
+    let scan = read_parameters(path, &columns)?;
+    let (parameters, image) = match &geometry {
+        Geometry::Curve(map) => eval_rows(map, path, &scan)?,
+        Geometry::Surface(map) => eval_rows(map, path, &scan)?,
     };
     let names = ["x", "y", "z"].map(str::to_owned).into_iter().chain((4..).map(|k| format!("c{k}")));
     columns.extend(names.take(image.ncols()));
     let rows =
         ndarray::concatenate(Axis(1), &[parameters.view(), image.view()]).map_err(|_| fit_ls::Error::NoPoints)?;
-    Ok(Evaluation { columns, rows })
+    Ok(Evaluation { columns, rows, notes: scan.notes })
 }
 
-fn eval_rows<const D: usize>(map: &SplineMap<D>, parameters: &Array2<f64>) -> Result<Array2<f64>, Error> {
-    for (index, row) in parameters.outer_iter().enumerate() {
-        let u = std::array::from_fn(|d| row[d]);
-        map.space().locate_cell(u).map_err(|source| fit_ls::Error::Parameter { index, source })?;
+/// Reads parameters by the names of their columns; without names by their order, if there are no others.
+fn read_parameters(path: &Path, columns: &[String]) -> Result<geom_io::Scan, Error> {
+    let read = |columns: Vec<String>| read_scan(path, &ReadOptions { columns, ..ReadOptions::default() });
+    let numbered = |count: usize| (1..=count).map(|k| k.to_string()).collect();
+    match read(columns.to_vec()) {
+        Err(error)
+            if matches!(error.kind, ReadErrorKind::ColumnNumber { .. })
+                && read(numbered(columns.len() + 1)).is_err() =>
+        {
+            Ok(read(numbered(columns.len()))?)
+        }
+        other => Ok(other?),
     }
-    Ok(map.eval_batch(parameters.view())?)
+}
+
+/// How far beyond its domain a parameter may lie, as a share of the domain's length.
+///
+/// Limit: round-off of numbers written with twelve digits.
+const BEYOND_DOMAIN: f64 = 1e-12;
+
+/// The parameters, those beyond the domain by round-off on its boundary, and the points there.
+fn eval_rows<const D: usize>(
+    map: &SplineMap<D>,
+    path: &Path,
+    scan: &geom_io::Scan,
+) -> Result<(Array2<f64>, Array2<f64>), Error> {
+    let mut parameters = scan.cloud.points.clone();
+    let (lower, upper) = map.space().domain();
+    for (place, mut row) in parameters.outer_iter_mut().enumerate() {
+        if map.space().locate_cell(array::from_fn(|d| row[d])).is_ok() {
+            continue;
+        }
+        for d in 0..D {
+            let (value, nearest) = (row[d], row[d].clamp(lower[d], upper[d]));
+            if (value - nearest).abs() > BEYOND_DOMAIN * (upper[d] - lower[d]) {
+                return Err(Error::EvalOutside {
+                    path: path.to_owned(),
+                    line: scan.line(place),
+                    place,
+                    name: ["u", "v", "w"][d],
+                    value,
+                    domain: [lower[d], upper[d]],
+                });
+            }
+            row[d] = nearest;
+        }
+    }
+    let image = map.eval_batch(parameters.view())?;
+    Ok((parameters, image))
 }
 
 /// Writes a model in another format: `.step .stp .xml .json`, or a sampled mesh `.obj .ply .vtk`.
@@ -219,6 +268,10 @@ pub enum Info {
         dimension: usize,
         /// Whether points come with parameters.
         parameters: bool,
+        /// Whether points come with normals.
+        normals: bool,
+        /// Which columns of a text file were taken for what; empty for other formats.
+        columns: Vec<TakenColumn>,
         /// Rows and columns, if it is a grid.
         grid: Option<[usize; 2]>,
         /// Lower and upper corner of the bounding box.
@@ -269,6 +322,8 @@ pub fn info(path: &Path, read: &ReadOptions) -> Result<Info, Error> {
         triangles: scan.triangles.as_ref().map(Vec::len),
         dimension: scan.cloud.points.ncols(),
         parameters: scan.cloud.parameters.is_some(),
+        normals: scan.normals.is_some(),
+        columns: scan.columns,
         grid: scan.cloud.grid.map(|grid| [grid.n_u, grid.n_v]),
         diagonal: bounds.diagonal(),
         unit: scan.unit.map(LengthUnit::name),

@@ -33,6 +33,7 @@ mod inspect;
 mod judge;
 mod mesh;
 mod options;
+mod orientation;
 mod output;
 mod parameter_options;
 mod parameters;
@@ -60,6 +61,7 @@ pub use options::{
     BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Samples,
     Tolerance,
 };
+pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_report, write_text};
 pub use parameter_options::{
     Clean, Closed, Crop, Domain, GivenCorners, Networks, ParameterChoice, ParameterOptions, RadiusChoice, Refine,
@@ -79,7 +81,7 @@ pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};
-pub use geom_io::{Format, LengthUnit, ReadOptions, remove_unfinished};
+pub use geom_io::{Decimal, Format, LengthUnit, ReadOptions, TakenColumn, remove_unfinished};
 
 /// The code of the book's library page, as a test.
 #[cfg(doctest)]

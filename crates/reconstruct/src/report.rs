@@ -5,11 +5,13 @@ use std::path::Path;
 
 use adaptive::Iteration;
 use deviation::{Deviation, Reason, Thresholds, Verdict};
+use geom_io::TakenColumn;
 use moving_param::Moves;
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
 use crate::options::Method;
+use crate::orientation::NormalsReport;
 use crate::quasi::QuasiReport;
 use crate::{DefaultTolerance, Error, FitOptions, ParameterOptions, ParameterReport, Parameterized, ReweightingReport};
 
@@ -72,6 +74,8 @@ pub struct InputReport {
     pub points: usize,
     /// Triangles in the file, if it holds a mesh.
     pub triangles: Option<usize>,
+    /// Which columns of a text file were taken for what; empty for other formats.
+    pub columns: Vec<TakenColumn>,
     /// Points that were fitted.
     pub fitted_points: usize,
     /// Diagonal of their bounding box.
@@ -133,6 +137,8 @@ pub struct ResultReport {
     /// What came of robust losses and markers; absent without.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reweighting: Option<ReweightingReport>,
+    /// What the normals of the file say about the outside, where it has some.
+    pub normals: Option<NormalsReport>,
     /// For each side of the (u,v) square where it lies on the part.
     pub sides: BTreeMap<&'static str, SideReport>,
     /// Holes that were cut out of the faces of STEP files; `null` unless asked for.

@@ -11,6 +11,7 @@ mod lab;
 mod layouts;
 mod methods;
 mod models;
+mod normals;
 mod pieces;
 mod results;
 mod reweighting;

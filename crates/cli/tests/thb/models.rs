@@ -65,7 +65,19 @@ fn eval_names_the_coordinates_of_a_planar_surface() {
 fn eval_says_which_parameter_is_outside() {
     let lab = fitted();
     lab.put("outside.csv", "u,v\n0,0\n0.5,1.25\n");
-    lab.fails("eval part.json outside.csv", 1, &["point 1", "1.25"]);
+    lab.fails("eval part.json outside.csv", 1, &["outside.csv: line 3: ", " = 1.25 ", "[0, 1]"]);
+    assert_eq!(lab.thb("eval part.json outside.csv").stderr.matches("1.25").count(), 1);
+    // Within round-off it is the boundary.
+    lab.put("rounded.csv", "u,v\n1.0000000000001,0.5\n0.5,-1e-15\n");
+    lab.put("boundary.csv", "u,v\n1,0.5\n0.5,0\n");
+    assert_eq!(lab.thb("eval part.json rounded.csv").stdout, lab.thb("eval part.json boundary.csv").stdout);
+    // However they are written; two columns without names are u and v, three are not.
+    for same in ["1,0.5\n0.5,0\n", "v;u\n0,5;1\n0;0,5\n", "\u{feff}U V\n\n1 0.5\n0.5 0\n", "# u v\n1\t0.5\n0.5\t0\n"] {
+        lab.put("same.csv", same);
+        assert_eq!(lab.thb("eval part.json same.csv").stdout, lab.thb("eval part.json boundary.csv").stdout, "{same}");
+    }
+    lab.put("three.csv", "1,0.5,7\n0.5,0,8\n");
+    lab.fails("eval part.json three.csv", 1, &["three.csv", "no line names the columns"]);
     lab.put("names.csv", "a,b\n0,0\n");
     lab.fails("eval part.json names.csv", 1, &["names.csv", "u"]);
     lab.fails("eval missing.json outside.csv", 1, &["missing.json"]);

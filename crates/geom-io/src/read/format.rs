@@ -28,6 +28,10 @@ pub enum Format {
     Csv,
     /// ESRI ASCII grid of heights.
     EsriGrid,
+    /// Surfer text grid of heights.
+    SurferGrid,
+    /// Leica PTX: scans in rows and columns with their poses, as text.
+    Ptx,
     /// Point Cloud Data of the Point Cloud Library: ASCII, binary, or compressed binary.
     Pcd,
     /// ASPRS LAS, or LAZ, its compressed form: points with classes.
@@ -40,7 +44,7 @@ pub enum Format {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 15] = [
         Self::Ply,
         Self::Obj,
         Self::Off,
@@ -50,6 +54,8 @@ impl Format {
         Self::Xyz,
         Self::Csv,
         Self::EsriGrid,
+        Self::SurferGrid,
+        Self::Ptx,
         Self::Pcd,
         Self::Las,
         Self::E57,
@@ -68,6 +74,8 @@ impl Format {
             Self::Xyz => "XYZ",
             Self::Csv => "CSV",
             Self::EsriGrid => "ESRI ASCII grid",
+            Self::SurferGrid => "Surfer grid",
+            Self::Ptx => "PTX",
             Self::Pcd => "PCD",
             Self::Las => "LAS",
             Self::E57 => "E57",
@@ -87,6 +95,8 @@ impl Format {
             Self::Xyz => &["xyz", "txt", "pts", "dat"],
             Self::Csv => &["csv"],
             Self::EsriGrid => &["asc"],
+            Self::SurferGrid => &["grd"],
+            Self::Ptx => &["ptx"],
             Self::Pcd => &["pcd"],
             Self::Las => &["las", "laz"],
             Self::E57 => &["e57"],

@@ -1,7 +1,6 @@
 //! Readers of scans: the formats, and what they have in common.
 
 mod asc;
-mod csv;
 mod decoder;
 mod e57;
 mod faces;
@@ -9,17 +8,21 @@ mod format;
 mod gismo;
 mod glb;
 mod height_field;
+mod heights;
 mod las;
+mod number;
 mod obj;
 mod off;
 mod pcd;
 mod ply;
+mod ptx;
 mod source;
 mod stl;
+mod surfer;
+mod table;
 mod text;
 mod three_mf;
 mod xml;
-mod xyz;
 
 use std::path::Path;
 
@@ -28,8 +31,10 @@ use point_cloud::{MAX_COORDINATE, PointCloud};
 use serde::Serialize;
 
 pub use self::format::Format;
+pub use self::number::Decimal;
 use self::source::Unpacked;
 pub(crate) use self::source::read as read_bytes;
+use self::text::Lines;
 pub(crate) use self::xml::check as check_xml;
 use crate::error::{ReadError, ReadErrorKind, quote};
 use crate::model::LengthUnit;
@@ -39,10 +44,21 @@ use crate::model::LengthUnit;
 pub struct ReadOptions {
     /// The format; `None` goes by the file's extension. Standard input needs one.
     pub format: Option<Format>,
-    /// Columns of a CSV or XYZ file that hold the coordinates, in their order: names, upper and lower case being the
-    /// same, or numbers from 1 on. Empty stands for `x`, `y` and, where it is there, `z`; without names for the first
-    /// three columns.
+    /// Columns of a text file that hold the coordinates, in their order: names, upper and lower case being the
+    /// same, or numbers from 1 on. Empty stands for `x`, `y` and, where it is there, `z`, or names that mean these; without
+    /// names for the first three columns of numbers that do not merely count. Given, no other columns are guessed to be
+    /// grid indices or normals.
     pub columns: Vec<String>,
+    /// Columns of a text file that hold the normal of the surface at each point, three, by names or numbers; of an empty list none
+    /// do, and `None` stands for columns that are named so.
+    pub normals: Option<Vec<String>>,
+    /// Columns of a text file that hold the row and the column of each point in a grid, two, by names or numbers; of an empty list
+    /// none do, and `None` stands for columns that are named so.
+    pub grid: Option<Vec<String>>,
+    /// Lines at the start of a text file that are not looked at.
+    pub skip: usize,
+    /// The decimal sign of a text file; `None` goes by its numbers.
+    pub decimal: Option<Decimal>,
     /// Classes of a LAS or LAZ file whose points are read; empty for all.
     pub classes: Vec<u8>,
     /// Column of a CSV file that holds the confidence in each point, a name or a number from 1 on; `None` reads none.
@@ -68,7 +84,14 @@ pub struct Scan {
     pub on_boundary: Option<Vec<bool>>,
     /// The confidence in each point, where the options name a column: 0 or more.
     pub weights: Option<Vec<f64>>,
-    /// Size of the cells of an ESRI grid along x and y.
+    /// The normal of the surface at each point, as in the file, where it has such; NaN where a point has none. Not
+    /// of unit length in general.
+    pub normals: Option<Vec<[f64; 3]>>,
+    /// Which columns of a text file were taken for what; empty for other formats.
+    pub columns: Vec<TakenColumn>,
+    /// Lines of a text file that hold its points; empty for other formats.
+    pub(crate) lines: RowLines,
+    /// Size of the cells of a grid of heights along x and y.
     pub cell: Option<[f64; 2]>,
     /// Length unit of the coordinates, where the file tells it: E57, 3MF, and LAS with a coordinate system.
     pub unit: Option<LengthUnit>,
@@ -78,7 +101,48 @@ pub struct Scan {
     pub notes: Vec<String>,
 }
 
+/// A column of a text file that was read.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct TakenColumn {
+    /// Which one, from 1.
+    pub number: usize,
+    /// Its name, as in the file.
+    pub name: Option<String>,
+    /// What it was taken for: `x`, `u`, `weight`, `normal x`, `grid row` and so on.
+    #[serde(rename = "as")]
+    pub role: &'static str,
+}
+
+/// Line numbers of rows, kept for the rows before which lines were left out.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct RowLines(Vec<(u32, usize)>);
+
+impl RowLines {
+    /// Adds the line of a row; rows increase.
+    fn push(&mut self, row: u32, line: usize) {
+        if self.of(row) != Some(line) {
+            self.0.push((row, line));
+        }
+    }
+
+    fn of(&self, row: u32) -> Option<usize> {
+        let after = self.0.partition_point(|&(start, _)| start <= row);
+        let (start, line) = *self.0.get(after.checked_sub(1)?)?;
+        Some(line + (row - start) as usize)
+    }
+}
+
 impl Scan {
+    /// The line, from 1, of a text file that holds the point at a place; `None` for other formats.
+    pub fn line(&self, place: usize) -> Option<usize> {
+        self.line_of_row(*self.rows.get(place)?)
+    }
+
+    /// The same of a point by its row in the file, as in [`Self::rows`].
+    pub fn line_of_row(&self, row: u32) -> Option<usize> {
+        self.lines.of(row)
+    }
+
     /// Keeps the points at these places, in this order, with all that belongs to them, and the triangles of which all vertices are kept.
     /// They are no grid any more.
     ///
@@ -99,6 +163,7 @@ impl Scan {
         self.cloud.grid = None;
         self.on_boundary = self.on_boundary.take().map(|labels| chosen(&labels, places));
         self.weights = self.weights.take().map(|weights| chosen(&weights, places));
+        self.normals = self.normals.take().map(|normals| chosen(&normals, places));
         self.rows = chosen(&self.rows, places);
     }
 
@@ -112,6 +177,9 @@ impl Scan {
             triangles: None,
             on_boundary: None,
             weights: None,
+            normals: None,
+            columns: Vec::new(),
+            lines: RowLines::default(),
             format,
             notes: Vec::new(),
         }
@@ -195,9 +263,9 @@ fn parse_unpacked(unpacked: Unpacked<'_>, format: Format, options: &ReadOptions)
         Format::Stl => stl::read(bytes),
         Format::Glb => glb::read(bytes, &mut budget),
         Format::ThreeMf => three_mf::read(bytes, &mut budget),
-        Format::Xyz => xyz::read(bytes, options),
-        Format::Csv => csv::read(bytes, options),
-        Format::EsriGrid => asc::read(bytes, options),
+        Format::Xyz | Format::Csv | Format::EsriGrid | Format::SurferGrid | Format::Ptx => {
+            by_content(bytes, format, options)
+        }
         Format::Pcd => pcd::read(bytes),
         Format::Las => las::read(bytes, &options.classes, &mut budget),
         Format::E57 => e57::read(bytes),
@@ -208,18 +276,19 @@ fn parse_unpacked(unpacked: Unpacked<'_>, format: Format, options: &ReadOptions)
     }
     leave_out_non_finite(&mut scan)?;
     // What was asked for and cannot be had is no result.
-    if !options.columns.is_empty() && !matches!(scan.format, Format::Xyz | Format::Csv) {
-        return Err(ReadErrorKind::OptionOfOtherFormat {
-            option: "columns",
-            of: "XYZ and CSV",
-            format: scan.format.name(),
-        });
-    }
-    if options.weights.is_some() && scan.weights.is_none() {
-        return Err(match scan.format {
-            Format::Csv => ReadErrorKind::NoNames { option: "weights" },
-            other => ReadErrorKind::OptionOfOtherFormat { option: "weights", of: "CSV", format: other.name() },
-        });
+    let is_table = matches!(scan.format, Format::Xyz | Format::Csv);
+    let is_text = is_table || matches!(scan.format, Format::EsriGrid | Format::SurferGrid | Format::Ptx);
+    for (is_given, option, of, is_known) in [
+        (!options.columns.is_empty(), "columns", "XYZ and CSV", is_table),
+        (options.normals.is_some(), "normals", "XYZ and CSV", is_table),
+        (options.grid.is_some(), "grid", "XYZ and CSV", is_table),
+        (options.weights.is_some(), "weights", "XYZ and CSV", is_table),
+        (options.skip > 0, "skip", "text", is_text),
+        (options.decimal.is_some(), "decimal", "text", is_text),
+    ] {
+        if is_given && !is_known {
+            return Err(ReadErrorKind::OptionOfOtherFormat { option, of, format: scan.format.name() });
+        }
     }
     if !options.classes.is_empty() && scan.format != Format::Las {
         return Err(ReadErrorKind::OptionOfOtherFormat { option: "class", of: "LAS", format: scan.format.name() });
@@ -275,6 +344,24 @@ fn with_room<T>(count: usize) -> Result<Vec<T>, ReadErrorKind> {
     let reserved = values.try_reserve_exact(count);
     reserved.map_err(|_| ReadErrorKind::Memory { bytes: count.saturating_mul(size_of::<T>()) })?;
     Ok(values)
+}
+
+/// Reads a file of text by what it holds: grids of heights and PTX open with lines of their own, whatever the file is called;
+/// anything else is a table, if its name promises no grid.
+fn by_content(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
+    // DOS ends a text by this sign.
+    let bytes = bytes.strip_suffix(b"\x1a").unwrap_or(bytes);
+    let lines = Lines::after(bytes, options.skip);
+    let first = lines.clone().next_filled();
+    if surfer::opens(lines.rest()) || format == Format::SurferGrid {
+        surfer::read(lines, options)
+    } else if first.is_some_and(asc::opens) {
+        asc::read(lines, options)
+    } else if format == Format::Ptx || ptx::opens(lines.clone()) {
+        ptx::read(lines, options)
+    } else {
+        table::read(lines, if format == Format::Csv { Format::Csv } else { Format::Xyz }, options)
+    }
 }
 
 /// Row-major `values` as an array of `columns` columns.

@@ -1,4 +1,4 @@
-//! Wavefront OBJ: vertices and faces; everything else is ignored.
+//! Wavefront OBJ: vertices with their normals, and faces; everything else is ignored.
 //!
 //! A backslash at the end of a line continues it on the next one. A fourth number of a vertex is its weight w, by which the
 //! others are divided; colours come in threes.
@@ -18,6 +18,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     // Corners that name a vertex further down, and their lines.
     let mut ahead = Vec::new();
     let (mut has_texture, mut polylines, mut weighted) = (false, 0_usize, 0_usize);
+    let mut normals = Normals::default();
     while let Some(first) = lines.next_filled() {
         let text = continued(first, &mut lines);
         let line = Line { number: first.number, text: &text };
@@ -40,12 +41,16 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
                         ahead.push((line.number, written));
                     }
                     corners.push(index);
+                    normals.add_corner(index, field);
                 }
                 faces.push(&corners);
             }
             Some(b"vt") => has_texture = true,
             Some(b"l") => polylines += 1,
-            Some(keyword) if !is_text(keyword) => {
+            Some(b"vn") => {
+                normals.given.push([(); 3].map(|()| fields.next().and_then(parse_number).unwrap_or(f64::NAN)))
+            }
+            Some(keyword) if !keyword.starts_with(b"#") && !is_text(keyword) => {
                 return Err(ReadErrorKind::NotText { line: line.number });
             }
             _ => {}
@@ -58,6 +63,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
         }
     }
     let mut scan = Scan::new(Format::Obj, rows(coordinates, 3));
+    scan.normals = normals.of_vertices(count);
     scan.triangles = faces.finish(&mut scan.notes);
     if has_texture {
         scan.notes.push("texture coordinates were ignored".to_owned());
@@ -98,6 +104,41 @@ fn weight(fields: Fields<'_>) -> Option<f64> {
     let mut further = fields.skip(3);
     let w = parse_number(further.next()?)?;
     (further.next().is_none() && w != 1.0).then_some(w)
+}
+
+/// Normals, which faces give to their corners.
+#[derive(Default)]
+struct Normals {
+    given: Vec<[f64; 3]>,
+    /// Corners as a vertex and a normal, both from 0.
+    corners: Vec<(u32, u32)>,
+}
+
+impl Normals {
+    /// Takes the normal of a corner `v//vn` or `v/vt/vn`. One that names no normal has none: surfaces are told their outside by others.
+    fn add_corner(&mut self, vertex: u32, field: &[u8]) {
+        let written = field.split(|&b| b == b'/').nth(2).and_then(|text| std::str::from_utf8(text).ok()?.parse().ok());
+        let Some(written): Option<i64> = written else { return };
+        let index = if written > 0 { written - 1 } else { self.given.len() as i64 + written };
+        self.corners.extend(u32::try_from(index).ok().map(|normal| (vertex, normal)));
+    }
+
+    /// The sum of the normals at the corners of each vertex; without faces that name any, one a vertex, if there are as many.
+    fn of_vertices(self, count: usize) -> Option<Vec<[f64; 3]>> {
+        if self.corners.is_empty() {
+            return Some(self.given).filter(|given| !given.is_empty() && given.len() == count);
+        }
+        let mut sums = vec![[0.0; 3]; count];
+        for (vertex, normal) in self.corners {
+            if let (Some(sum), Some(normal)) = (sums.get_mut(vertex as usize), self.given.get(normal as usize)) {
+                // One that is not finite says nothing.
+                if normal.iter().all(|c| c.is_finite()) {
+                    (0..3).for_each(|k| sum[k] += normal[k]);
+                }
+            }
+        }
+        Some(sums)
+    }
 }
 
 /// The index of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn` as written and counted from 0.

@@ -268,14 +268,26 @@ fn only_scan(bytes: &[u8], budget: &mut Budget) -> Result<Option<(String, Vec<u8
 /// The bytes behind a UTF-8 mark.
 ///
 /// # Errors
-/// [`ReadErrorKind::NotText`] for the marks of UTF-16.
+/// [`ReadErrorKind::Utf16`] for text in UTF-16, with its mark or without.
 pub(super) fn without_mark(bytes: &[u8]) -> Result<&[u8], ReadErrorKind> {
     const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
     const UTF16_MARKS: [&[u8]; 2] = [b"\xff\xfe", b"\xfe\xff"];
-    match UTF16_MARKS.iter().any(|mark| bytes.starts_with(mark)) {
-        true => Err(ReadErrorKind::NotText { line: 1 }),
+    match UTF16_MARKS.iter().any(|mark| bytes.starts_with(mark)) || is_utf16(bytes) {
+        true => Err(ReadErrorKind::Utf16),
         false => Ok(bytes.strip_prefix(UTF8_MARK).unwrap_or(bytes)),
     }
+}
+
+/// Whether every second byte is 0 and those between are ASCII, as Latin text is in UTF-16.
+fn is_utf16(bytes: &[u8]) -> bool {
+    /// Limit: enough that numbers in binary do not look so by chance.
+    const LOOKED_AT: usize = 32;
+    let start = &bytes[..bytes.len().min(LOOKED_AT) & !1];
+    let is_text = |b: u8| b.is_ascii_graphic() || b.is_ascii_whitespace();
+    let pairs = || start.chunks_exact(2);
+    start.len() >= 6
+        && (pairs().all(|pair| is_text(pair[0]) && pair[1] == 0)
+            || pairs().all(|pair| pair[0] == 0 && is_text(pair[1])))
 }
 
 #[cfg(test)]

@@ -22,6 +22,13 @@ impl<'a> Lines<'a> {
         Self { rest: bytes, number: 0 }
     }
 
+    /// The lines after the first `skipped` ones, which count.
+    pub(super) fn after(bytes: &'a [u8], skipped: usize) -> Self {
+        let mut lines = Self::new(bytes);
+        lines.by_ref().take(skipped).for_each(drop);
+        lines
+    }
+
     /// What follows the lines taken so far.
     pub(super) fn rest(&self) -> &'a [u8] {
         self.rest
@@ -65,17 +72,11 @@ impl<'a> Iterator for Lines<'a> {
 impl<'a> Line<'a> {
     /// Blank-separated fields.
     pub(super) fn fields(self) -> Fields<'a> {
-        Separator::Blanks.fields(self.text)
+        Fields { rest: self.text }
     }
 
     pub(super) fn location(self) -> Location {
         Location::Line(self.number)
-    }
-
-    /// The finite number that `field`, a part of this line, spells.
-    pub(super) fn coordinate(self, field: &[u8]) -> Result<f64, ReadErrorKind> {
-        let value = self.number(field)?;
-        finite(value, || self.location())
     }
 
     /// The number, finite or not, that `field` spells.
@@ -119,62 +120,20 @@ impl<'a> Line<'a> {
     }
 }
 
-/// What stands between two fields.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Separator {
-    /// One or more blanks or tabs.
-    Blanks,
-    /// One such byte; blanks round it do not count.
-    Byte(u8),
-}
-
-impl Separator {
-    /// The separator of a line: a semicolon if there is one, else a comma, else blanks.
-    ///
-    /// One separator a file, not any mixture: otherwise `1,5;2,5` would read as four numbers.
-    pub(super) fn of(text: &[u8]) -> Self {
-        [b';', b','].into_iter().find(|b| text.contains(b)).map_or(Self::Blanks, Self::Byte)
-    }
-
-    /// Whether a line ends in an empty field.
-    pub(super) fn ends(self, text: &[u8]) -> bool {
-        let Self::Byte(separator) = self else { return false };
-        text.iter().rev().find(|&&b| b == separator || !is_blank(b)) == Some(&separator)
-    }
-
-    pub(super) fn fields(self, text: &[u8]) -> Fields<'_> {
-        Fields { rest: text, separator: self }
-    }
-}
-
-/// The fields of a line, trimmed. A separator at the end of the line opens no further field.
+/// The blank-separated fields of a line.
 #[derive(Clone)]
 pub(super) struct Fields<'a> {
     rest: &'a [u8],
-    separator: Separator,
 }
 
 impl<'a> Iterator for Fields<'a> {
     type Item = &'a [u8];
 
     fn next(&mut self) -> Option<&'a [u8]> {
-        let (rest, end) = match self.separator {
-            Separator::Blanks => {
-                let rest = trim_start(self.rest);
-                (rest, rest.iter().position(|&b| is_blank(b)))
-            }
-            Separator::Byte(separator) => (self.rest, self.rest.iter().position(|&b| b == separator)),
-        };
-        match end {
-            Some(end) => {
-                self.rest = &rest[end + 1..];
-                Some(trim(&rest[..end]))
-            }
-            None => {
-                self.rest = &[];
-                Some(trim(rest)).filter(|field| !field.is_empty())
-            }
-        }
+        let rest = trim_start(self.rest);
+        let end = rest.iter().position(|&b| is_blank(b)).unwrap_or(rest.len());
+        self.rest = &rest[end..];
+        Some(&rest[..end]).filter(|field| !field.is_empty())
     }
 }
 
@@ -210,7 +169,12 @@ pub(super) fn finite(value: f64, location: impl FnOnce() -> Location) -> Result<
 
 /// Without control characters, and in UTF-8.
 pub(super) fn is_text(bytes: &[u8]) -> bool {
-    !bytes.iter().any(|&b| b.is_ascii_control() && !is_blank(b)) && std::str::from_utf8(bytes).is_ok()
+    !has_control(bytes) && std::str::from_utf8(bytes).is_ok()
+}
+
+/// Whether there are control characters, which no encoding of text has.
+pub(super) fn has_control(bytes: &[u8]) -> bool {
+    bytes.iter().any(|&b| b.is_ascii_control() && !is_blank(b))
 }
 
 pub(super) fn quote(bytes: &[u8]) -> String {

@@ -54,6 +54,19 @@ fn samples() -> Vec<(Format, Vec<u8>)> {
         (Format::Xyz, b"x; y; z\n0;0;0\n1;0;0;\n0;1;0\n".to_vec()),
         (Format::Csv, b"i,j,u,v,x,y,z,n\n1,1,0,0,0,0,1,a\n1,2,0,1,0,1,1,\n2,2,1,1,1,1,1,b\n2,1,1,0,1,0,1,c\n".to_vec()),
         (
+            Format::Csv,
+            b"Row;Col;X [mm];Y [mm];Z [mm];nx;ny;nz\n1;1;0,5;0;1;0;0;1\n1;2;0;1;nan;0;0;1\n2;1;1;0;1;0;0;1\n".to_vec(),
+        ),
+        (
+            Format::Csv,
+            b"id,x,y,z,i,j,k,\"a \"\"b\"\"\"\n1,0,0,0,0,0,1,\"c, d\"\n2,1,0,0,0,0,1,e\n3,0,1,1,0,0,1,\n".to_vec(),
+        ),
+        (Format::SurferGrid, b"DSAA\n2 2\n0 1\n0 1\n1 3\n1 2\n3 1.70141e38\n".to_vec()),
+        (
+            Format::Ptx,
+            b"1\n2\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n1 2 3 1\n0 1 2 0.5\n0 0 0 0.5\n".to_vec(),
+        ),
+        (
             Format::EsriGrid,
             b"ncols 2\nnrows 2\nxllcorner 1\nyllcorner 2\ncellsize 3\nNODATA_value -9\n1 2\n3 -9\n".to_vec(),
         ),

@@ -259,3 +259,29 @@ fn extensions_in_any_case() {
     assert!(supported.contains(".ply") && supported.contains(".xml"));
     assert!(Format::from_path("ply".as_ref()).is_err());
 }
+
+#[test]
+fn normals_of_vertices() {
+    let normals = [[0.0, 0.0, 1.0], [0.0, 0.5, -1.0], [1.0, 0.0, 0.25]];
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float nx\nproperty float ny\nproperty float x\n\
+               property float y\nproperty float z\nproperty float nz\nend_header\n0 0 0 0 1.5 1\n0 0.5 1 0 -2 -1\n1 0 0 1 3e-3 0.25\n";
+    let pcd = "FIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\nTYPE F F F F F F\nCOUNT 1 1 1 1 1 1\nWIDTH 3\nHEIGHT 1\n\
+               DATA ascii\n0 0 1.5 0 0 1\n1 0 -2 0 0.5 -1\n0 1 3e-3 1 0 0.25\n";
+    let points = "v 0 0 1.5\nv 1 0 -2\nv 0 1 3e-3\n";
+    let vn = "vn 0 0 1\nvn 0 0.5 -1\nvn 1 0 0.25\n";
+    let numbered = format!("{points}{vn}f 1//1 2/7/2 3//-1\n");
+    let read_normals = |format, text: &str| {
+        let scan = read(format, text);
+        assert_eq!(scan.cloud.points, corner(), "{text}");
+        scan.normals
+    };
+    for (format, text) in
+        [(Format::Ply, ply), (Format::Pcd, pcd), (Format::Obj, &numbered), (Format::Obj, &format!("{points}{vn}"))]
+    {
+        assert_eq!(read_normals(format, text).as_deref(), Some(&normals[..]), "{text}");
+    }
+    // A vertex has the sum of the normals at its corners; one that is not finite says nothing.
+    let twice = format!("{points}vn 1 0 0\nvn 0 2 0\nvn nan nan nan\nf 1//1 2//1 3//3\nf 1//2 2//1 3//9\n");
+    assert_eq!(read_normals(Format::Obj, &twice).unwrap(), [[1.0, 2.0, 0.0], [2.0, 0.0, 0.0], [0.0; 3]]);
+    assert_eq!(read_normals(Format::Obj, &format!("{points}vn 0 0 1\nf 1 2 3\n")), None);
+}

@@ -14,3 +14,4 @@ mod packages;
 mod round_trip;
 mod scan_files;
 mod scanners;
+mod tables;

@@ -228,10 +228,6 @@ fn columns_by_name_and_by_number() {
         assert_eq!(read_with(format, text, columns(names)).unwrap().cloud.points, expected, "{format:?} {text}");
     }
     // Names come before numbers.
-    assert_eq!(
-        read_with(Format::Csv, "2,a,1\n", columns(&["1", "2"])).unwrap_err().to_string(),
-        "the file holds no points"
-    );
     let swapped = read_with(Format::Csv, "2,a,1\n5,6,7\n", columns(&["1", "2"])).unwrap();
     assert_eq!(swapped.cloud.points, arr2(&[[7.0, 5.0]]));
 
@@ -242,7 +238,7 @@ fn columns_by_name_and_by_number() {
         assert!(matches!(fail(Format::Xyz, plain, &["1", column]), Kind::ColumnNumber { column: c } if c == column));
     }
     assert!(matches!(fail(Format::Csv, named, &["1", "5"]), Kind::ColumnsNotFound { missing, .. } if missing == ["5"]));
-    assert!(fail(Format::Csv, "t,a\n1,2\n", &[]).to_string().contains("option columns"));
+    assert!(fail(Format::Csv, "t,a\n1,2\n", &[]).to_string().contains("--columns"));
 }
 
 #[test]

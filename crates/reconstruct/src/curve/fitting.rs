@@ -78,7 +78,9 @@ pub fn fit_curve_file(path: &Path, options: &CurveOptions) -> Result<CurveFit, E
 /// [`Error`]. A tolerance that is not reached is no error: the report says why the fit ended.
 pub fn fit_sequence(points: ArrayView2<'_, f64>, name: &str, options: &CurveOptions) -> Result<CurveFit, Error> {
     options.check()?;
-    fit(Given { points: points.to_owned(), parameters: None, notes: Vec::new(), format: "", unit: None }, name, options)
+    let points = points.to_owned();
+    let given = Given { points, parameters: None, notes: Vec::new(), format: "", unit: None, columns: Vec::new() };
+    fit(given, name, options)
 }
 
 fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Error> {
@@ -86,6 +88,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     let span = tracing::info_span!("fit_curve", name);
     let _guard = span.enter();
     let (rows, format, of_file) = (given.points.nrows(), given.format, given.unit);
+    let columns = given.columns.clone();
     let sequence = sequence::prepare(given, options)?;
     let (m, dimension) = sequence.points.dim();
     if !(1..=3).contains(&dimension) {
@@ -115,6 +118,7 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
             file: name.to_owned(),
             format,
             points: rows,
+            columns,
             fitted_points: m,
             dimension,
             diagonal,

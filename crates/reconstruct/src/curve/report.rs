@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use geom_io::TakenColumn;
 use serde::Serialize;
 
 use super::options::CurveOptions;
@@ -36,6 +37,8 @@ pub struct CurveInput {
     pub format: &'static str,
     /// Points in the file.
     pub points: usize,
+    /// Which columns of a text file were taken for what; empty for other formats.
+    pub columns: Vec<TakenColumn>,
     /// Points that were fitted: one less or one more where a closed curve was cut.
     pub fitted_points: usize,
     /// Coordinates of a point; of a graph, those that depend on the first.

@@ -1,6 +1,6 @@
 //! From points in order to points with parameters: closing, corners, parameters.
 
-use geom_io::{LengthUnit, ReadError, ReadErrorKind, ReadOptions, Scan, read_scan};
+use geom_io::{LengthUnit, ReadError, ReadErrorKind, ReadOptions, Scan, TakenColumn, read_scan};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, concatenate};
 use param_classic::parameterize_sequence;
 use param_nn::sequence_parameters;
@@ -64,6 +64,7 @@ pub(super) struct Given {
     pub(super) notes: Vec<String>,
     pub(super) format: &'static str,
     pub(super) unit: Option<LengthUnit>,
+    pub(super) columns: Vec<TakenColumn>,
 }
 
 /// Reads a sequence. A table without columns x and y, but of two or three columns, is taken as it stands.
@@ -79,9 +80,9 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<Given, Error> {
         }
         other => other?,
     };
-    let Scan { cloud, format, notes, unit, .. } = scan;
+    let Scan { cloud, format, notes, unit, columns, .. } = scan;
     let parameters = cloud.parameters.filter(|p| p.ncols() == 1).map(|p| p.column(0).to_owned());
-    Ok(Given { points: cloud.points, parameters, notes, format: format.name(), unit })
+    Ok(Given { points: cloud.points, parameters, notes, format: format.name(), unit, columns })
 }
 
 /// Finds closing, corners and parameters.

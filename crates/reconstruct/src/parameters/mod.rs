@@ -15,7 +15,7 @@ mod tube;
 use std::time::Instant;
 use std::{array, mem};
 
-use geom_io::{Format, Scan, read_scan};
+use geom_io::{Scan, read_scan};
 use ndarray::{Array1, Array2, ArrayView1, Axis};
 use param_classic::map_quality;
 use point_cloud::{
@@ -55,6 +55,8 @@ pub struct Parameterized {
     pub parameters: Array2<f64>,
     /// The confidence in each point, where the file gives one.
     pub weights: Option<Array1<f64>>,
+    /// The normal at each point, where the file gives some; NaN where it gives none.
+    pub normals: Option<Vec<[f64; 3]>>,
     /// Row of each point in the file, from 0: see [`Scan::rows`].
     pub rows: Vec<u32>,
     /// Triangles over the points: those of a mesh, or of one spanned over (a subset of) a cloud; empty if there are none.
@@ -146,6 +148,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
 
     let _ = watch(Event::Step("laying out"));
     let (rows, confidence) = (mem::take(&mut scan.rows), scan.weights.take());
+    let file_normals = scan.normals.clone();
     let mut layout = lay_out(scan, &rows, options, watch).map_err(|error| error.of_rows(&rows))?;
     if !gaps.is_empty() {
         let has_data = |&at: &usize| gaps.binary_search(&(layout.rows[at] as usize)).is_err();
@@ -177,6 +180,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         layers.scanned.select(Axis(0), &laid_out)
     });
     let weights = confidence.map(|all| layout.rows.iter().map(|&row| all[row as usize]).collect());
+    let normals = file_normals.map(|all| layout.rows.iter().map(|&row| all[row as usize]).collect());
     let rows = (0..layout.rows.len() as u32).map(in_file).collect();
     let Layout { points, parameters, triangles, is_mesh, boundary, rims, reversed, .. } = layout;
     let diagonal = BoundingBox::of(points.view())?.diagonal();
@@ -186,6 +190,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         scanned,
         parameters,
         weights,
+        normals,
         rows,
         triangles,
         is_mesh,
@@ -208,7 +213,7 @@ fn in_canonical_order(mut scan: Scan) -> Scan {
 }
 
 /// Lays points out in the way asked for; `rows` are theirs in the file.
-fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Layout, Error> {
+fn lay_out(mut scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Layout, Error> {
     let given_boundary = boundary::given(&scan, rows, options)?;
     let choice = match options.param {
         ParameterChoice::Auto if scan.cloud.parameters.is_some() => ParameterChoice::Given,
@@ -219,10 +224,11 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
     let missing = |needed, hint| Error::NoParameters { asked: options.param.to_string(), needed, hint };
     match (choice, scan.triangles.is_some(), scan.cloud.grid) {
         (ParameterChoice::Given, ..) => {
-            let mut parameters = scan.cloud.parameters.ok_or_else(|| missing("parameters u, v in the file", ""))?;
+            let mut parameters =
+                scan.cloud.parameters.take().ok_or_else(|| missing("parameters u, v in the file", ""))?;
             closed::wrap(&mut parameters, options.closed.directions());
-            check_domain(&parameters, options.domain)?;
-            let is_height_field = scan.format == Format::EsriGrid || options.read.height_field;
+            check_domain(&parameters, options.domain, |place| scan.line_of_row(rows[place]))?;
+            let is_height_field = scan.cell.is_some() || options.read.height_field;
             let layout = as_they_are(scan.cloud.points, parameters, scan.triangles, "given", Vec::new());
             Ok(Layout { is_height_field, ..layout })
         }
@@ -270,8 +276,8 @@ fn lay_out(scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut Wat
             // The triangles of a mesh tell its outside, whatever laid out its vertices.
             match scan.triangles {
                 Some(triangles) => layout.reversed = layout.runs_against(&triangles, rows.len()),
-                // A tube has an inside.
-                None if layout.closed != [false; 2] => {}
+                // A tube has an inside, and normals tell theirs once there is a surface.
+                None if layout.closed != [false; 2] || scan.normals.is_some() => {}
                 None => {
                     layout.warnings.push("the cloud does not tell its outside: --flip turns the face normal".to_owned())
                 }
@@ -357,7 +363,8 @@ pub(crate) fn extent(column: ArrayView1<'_, f64>) -> (f64, f64) {
     column.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lower, upper), &x| (lower.min(x), upper.max(x)))
 }
 
-fn check_domain(parameters: &Array2<f64>, domain: Domain) -> Result<(), Error> {
+/// `line` tells the line of a point in the file.
+fn check_domain(parameters: &Array2<f64>, domain: Domain, line: impl Fn(usize) -> Option<usize>) -> Result<(), Error> {
     if parameters.ncols() != 2 {
         return Err(
             fit_ls::Error::Shape { what: "columns of parameters", given: parameters.ncols(), expected: 2 }.into()
@@ -365,7 +372,8 @@ fn check_domain(parameters: &Array2<f64>, domain: Domain) -> Result<(), Error> {
     }
     let outside = parameters.indexed_iter().find(|(_, value)| !(0.0..=1.0).contains(*value));
     if let (Domain::Unit, Some(((index, direction), &value))) = (domain, outside) {
-        return Err(Error::OutsideUnitSquare { index, direction, value });
+        let [u, v] = [0, 1].map(|d| extent(parameters.column(d)));
+        return Err(Error::OutsideUnitSquare { index, line: line(index), direction, value, u, v });
     }
     for (direction, column) in parameters.axis_iter(Axis(1)).enumerate() {
         let value = column.iter().copied().next().unwrap_or(0.0);

@@ -71,6 +71,8 @@ pub(super) struct Header {
     pub(super) fields: Vec<Field>,
     /// Indices of x, y and z among the fields.
     pub(super) coordinates: [usize; 3],
+    /// Indices of the components of the normal.
+    pub(super) normal: Option<[usize; 3]>,
     /// Points of a row, and rows.
     pub(super) width: usize,
     pub(super) height: usize,
@@ -128,8 +130,9 @@ impl Header {
                     let points = points.or_else(|| width?.checked_mul(height));
                     let points = points.ok_or(ReadErrorKind::MissingKey { key: "WIDTH or POINTS" })?;
                     let coordinates = find_coordinates(&fields)?;
+                    let normal = find_normal(&fields);
                     let width = width.unwrap_or(points);
-                    return Ok(Self { fields, coordinates, width, height, points, encoding });
+                    return Ok(Self { fields, coordinates, normal, width, height, points, encoding });
                 }
                 _ => return Err(line.bad_header("unknown keyword of a PCD file")),
             }
@@ -158,6 +161,13 @@ fn for_each(
     }
     let set = fields.iter_mut().zip(values).try_for_each(|(field, value)| set(field, value));
     set.ok_or_else(|| line.bad_header("a value is not possible"))
+}
+
+/// The fields of a normal, as the Point Cloud Library and others name them.
+fn find_normal(fields: &[Field]) -> Option<[usize; 3]> {
+    let find = |names: [&str; 2]| fields.iter().position(|f| names.contains(&f.name.as_str()) && f.count > 0);
+    let x = find(["normal_x", "nx"])?;
+    Some([x, find(["normal_y", "ny"])?, find(["normal_z", "nz"])?])
 }
 
 fn find_coordinates(fields: &[Field]) -> Result<[usize; 3], ReadErrorKind> {

@@ -1,6 +1,6 @@
 //! Point Cloud Data, version 0.7 and before: ASCII, binary and compressed binary.
 //!
-//! Of the fields `x`, `y` and `z` are read. Points that are not a number are the format's way to say that a pixel of
+//! Of the fields `x`, `y`, `z` and those of a normal are read. Points that are not a number are the format's way to say that a pixel of
 //! the sensor saw nothing; they are left out. The viewpoint is not applied, as in the Point Cloud Library.
 
 mod header;
@@ -9,6 +9,7 @@ mod lzf;
 use point_cloud::GridShape;
 
 use self::header::{Encoding, Field, Header, total};
+use super::number::{NumberStyle, Value};
 use super::text::{Lines, before_hash};
 use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
@@ -32,6 +33,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
         return Err(ReadErrorKind::NoneFinite { points: read });
     }
     let mut scan = Scan::new(Format::Pcd, rows(seen.points, 3));
+    scan.normals = header.normal.map(|_| seen.normals);
     scan.rows = seen.rows;
     if blind > 0 {
         scan.notes.push(format!("{blind} points are not a number (nothing was seen there) and were left out"));
@@ -44,25 +46,29 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
 /// Points that are a number: their coordinates, and which of those of the file they are.
 struct Seen {
     points: Vec<f64>,
+    /// Their normals, where the file has some.
+    normals: Vec<[f64; 3]>,
     rows: Vec<u32>,
 }
 
 impl Seen {
     fn with_room(points: usize) -> Result<Self, ReadErrorKind> {
-        Ok(Self { points: with_room(3 * points)?, rows: with_room(points)? })
+        Ok(Self { points: with_room(3 * points)?, normals: Vec::new(), rows: with_room(points)? })
     }
 
     /// Adds a point, unless it is not a number.
-    fn push(&mut self, row: usize, xyz: [f64; 3]) {
+    fn push(&mut self, row: usize, xyz: [f64; 3], normal: Option<[f64; 3]>) {
         if xyz.iter().all(|c| c.is_finite()) {
             self.points.extend(xyz);
+            self.normals.extend(normal);
             self.rows.push(row as u32);
         }
     }
 }
 
 fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKind> {
-    let columns = header.coordinates.map(|field| total(&header.fields[..field], |f| f.count));
+    let columns_of = |fields: [usize; 3]| fields.map(|field| total(&header.fields[..field], |f| f.count));
+    let (columns, normal) = (columns_of(header.coordinates), header.normal.map(columns_of));
     let expected = total(&header.fields, |f| f.count);
     let mut seen = Seen::with_room(header.points.min(lines.rest().len() / SHORTEST_LINE))?;
     let mut row = Vec::new();
@@ -73,11 +79,15 @@ fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKin
         if row.len() != expected {
             return Err(line.row_length(expected, row.len()));
         }
-        let mut xyz = [0.0; 3];
-        for (coordinate, column) in xyz.iter_mut().zip(columns) {
-            *coordinate = line.number(row[column])?;
-        }
-        seen.push(found, xyz);
+        let number = |column: usize| {
+            Ok(match NumberStyle::POINT.value(row[column]) {
+                Value::Number(number) => number,
+                Value::Missing => f64::NAN,
+                Value::Words => return Err(line.not_a_number(row[column])),
+            })
+        };
+        let three = |[x, y, z]: [usize; 3]| -> Result<_, ReadErrorKind> { Ok([number(x)?, number(y)?, number(z)?]) };
+        seen.push(found, three(columns)?, normal.map(three).transpose()?);
     }
     Ok(seen)
 }
@@ -97,20 +107,22 @@ fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, Re
     if found < header.points {
         return Err(truncated(header, found));
     }
-    let offsets = header.coordinates.map(|field| total(&header.fields[..field], Field::width));
+    let with_offsets = |fields: [usize; 3]| fields.map(|f| (f, total(&header.fields[..f], Field::width)));
+    let (coordinates, normal) = (with_offsets(header.coordinates), header.normal.map(with_offsets));
     let mut seen = Seen::with_room(header.points)?;
     for index in 0..header.points {
-        let mut xyz = [0.0; 3];
-        for axis in 0..3 {
-            let field = &header.fields[header.coordinates[axis]];
+        let number = |(field, offset): (usize, usize)| {
+            let field = &header.fields[field];
             let start = match layout {
-                Layout::ByPoint => index * record + offsets[axis],
-                Layout::ByField => offsets[axis] * header.points + index * field.width(),
+                Layout::ByPoint => index * record + offset,
+                Layout::ByField => offset * header.points + index * field.width(),
             };
             let number = bytes.get(start..).and_then(|bytes| field.number(bytes));
-            xyz[axis] = number.ok_or_else(|| truncated(header, index))?;
-        }
-        seen.push(index, xyz);
+            number.ok_or_else(|| truncated(header, index))
+        };
+        let three =
+            |[x, y, z]: [(usize, usize); 3]| -> Result<_, ReadErrorKind> { Ok([number(x)?, number(y)?, number(z)?]) };
+        seen.push(index, three(coordinates)?, normal.map(three).transpose()?);
     }
     Ok(seen)
 }

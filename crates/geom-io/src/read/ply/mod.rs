@@ -1,7 +1,7 @@
 //! Stanford PLY (Turk 1994): ASCII and binary, any scalar types.
 //!
-//! Of element `vertex` the properties `x`, `y`, `z` are read, of elements `face` and `tristrips` the list `vertex_indices`
-//! (or `vertex_index`), all in upper or lower case; everything else is stepped over.
+//! Of element `vertex` the properties `x`, `y`, `z` and `nx`, `ny`, `nz` are read, of elements `face` and `tristrips` the list
+//! `vertex_indices` (or `vertex_index`), all in upper or lower case; everything else is stepped over.
 
 mod body;
 mod header;
@@ -18,12 +18,12 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     let header = Header::parse(&mut lines)?;
     let vertex_count = header.elements.iter().find(|e| e.is_named("vertex")).map_or(0, |e| e.count);
     let mut body = Body::new(lines, header.encoding);
-    let mut coordinates = Vec::new();
+    let (mut coordinates, mut normals) = (Vec::new(), None);
     let mut faces = Faces::default();
     let mut notes = Vec::new();
     for element in &header.elements {
         match element.name.to_ascii_lowercase().as_str() {
-            "vertex" if coordinates.is_empty() => coordinates = read_vertices(&mut body, element)?,
+            "vertex" if coordinates.is_empty() => (coordinates, normals) = read_vertices(&mut body, element)?,
             name @ ("face" | "tristrips") => match element.corner_list() {
                 Some(list) if name == "face" => read_faces(&mut body, element, list, vertex_count, &mut faces)?,
                 Some(list) => read_strips(&mut body, element, list, vertex_count, &mut faces)?,
@@ -44,12 +44,16 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
         notes.push(format!("{surplus} bytes after the last element were ignored"));
     }
     let mut scan = Scan::new(Format::Ply, rows(coordinates, 3));
+    scan.normals = normals;
     scan.triangles = faces.finish(&mut notes);
     scan.notes = notes;
     Ok(scan)
 }
 
-fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vec<f64>, ReadErrorKind> {
+/// Coordinates, and the normals of vertices that have such.
+type Vertices = (Vec<f64>, Option<Vec<[f64; 3]>>);
+
+fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vertices, ReadErrorKind> {
     let column = |property: &'static str| {
         let scalar = |p: &header::Property| p.name.eq_ignore_ascii_case(property) && matches!(p.kind, Kind::Scalar(_));
         element.properties.iter().position(scalar).ok_or_else(|| ReadErrorKind::MissingProperty {
@@ -58,19 +62,26 @@ fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vec<f64>, Rea
         })
     };
     let columns = [column("x")?, column("y")?, column("z")?];
+    let normal = match (column("nx"), column("ny"), column("nz")) {
+        (Ok(x), Ok(y), Ok(z)) => Some([x, y, z]),
+        _ => None,
+    };
     // Values arrive in the order of the file's properties.
-    let mut in_file_order = columns;
+    let mut in_file_order: Vec<usize> = columns.into_iter().chain(normal.into_iter().flatten()).collect();
     in_file_order.sort_unstable();
-    let order = columns.map(|column| in_file_order.iter().position(|&c| c == column).unwrap_or_default());
+    let place_of = |column: usize| in_file_order.iter().position(|&c| c == column).unwrap_or_default();
+    let (order, normal) = (columns.map(place_of), normal.map(|normal| normal.map(place_of)));
 
     let mut coordinates: Vec<f64> = with_room(3 * body.at_most(element))?;
-    body.for_each(element, &in_file_order, |xyz, _| {
+    let mut normals = Vec::new();
+    body.for_each(element, &in_file_order, |values, _| {
         for axis in order {
-            coordinates.push(xyz[axis]);
+            coordinates.push(values[axis]);
         }
+        normals.extend(normal.map(|normal| normal.map(|at| values[at])));
         Ok(())
     })?;
-    Ok(coordinates)
+    Ok((coordinates, normal.map(|_| normals)))
 }
 
 fn read_faces(
