@@ -5,7 +5,7 @@ use serde::Serializer;
 
 /// Sizes of a part, in millimetres, beyond which it is more likely that the unit is another one.
 ///
-/// Calibrated: the issue that asked for the hint; scanned parts are 10 mm to 100 m across.
+/// Limit: a hint and no more; scanned parts are 10 mm to 100 m across.
 const USUAL_SIZE: std::ops::RangeInclusive<f64> = 10.0..=1e5;
 
 /// The unit that was asked for, else that of the file, else millimetres.

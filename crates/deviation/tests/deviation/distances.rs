@@ -4,18 +4,26 @@ use std::sync::Arc;
 
 use crate::common::Random;
 use deviation::{Error, directed_hausdorff, hausdorff};
-use fit_ls::{Lambda, LeastSquares, Options};
 use ndarray::Array2;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
-/// The surface of biquadratic functions through the given values, by fitting.
-fn surface(value: impl Fn(f64, f64) -> [f64; 3]) -> SplineMap<2> {
+/// The biquadratic surface with coordinates `c₀ + c₁ (u, v) + c₂ (u² + v²)`, by blossoms: the coefficient of `t²` at the knots `a`, `b`
+/// is `ab`, that of `t` their mean.
+fn surface(coordinates: [(f64, [f64; 2], f64); 3]) -> SplineMap<2> {
     let knots = KnotVector::uniform(2, 5).unwrap();
-    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
-    let parameters = Array2::from_shape_fn((900, 2), |(i, d)| (i / 30_usize.pow(d as u32) % 30) as f64 / 29.0);
-    let points = Array2::from_shape_fn((900, 3), |(i, k)| value(parameters[[i, 0]], parameters[[i, 1]])[k]);
-    let options = Options { lambda: Lambda::Fixed(0.0), ..Options::default() };
-    LeastSquares::new(parameters.view(), points.view(), None, options).unwrap().fit(&space).unwrap()
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots.clone()]).unwrap());
+    let n = knots.n_functions();
+    let inner = |j: usize| (knots.knots()[j + 1], knots.knots()[j + 2]);
+    let coefficients = Array2::from_shape_fn((n * n, 3), |(row, k)| {
+        let (constant, linear, quadratic) = coordinates[k];
+        let of = |(a, b): (f64, f64), slope: f64| slope * 0.5 * (a + b) + quadratic * a * b;
+        constant + of(inner(row % n), linear[0]) + of(inner(row / n), linear[1])
+    });
+    SplineMap::new(space, coefficients).unwrap()
+}
+
+fn unit_square() -> SplineMap<2> {
+    surface([(0.0, [1.0, 0.0], 0.0), (0.0, [0.0, 1.0], 0.0), (0.0, [0.0, 0.0], 0.0)])
 }
 
 /// A paraboloid with curvature at most 1.
@@ -40,7 +48,7 @@ fn offset(parameters: &Array2<f64>, length: impl Fn(usize) -> f64) -> Array2<f64
 
 #[test]
 fn points_at_known_distances_from_a_plane() {
-    let plane = surface(|u, v| [u, v, 0.0]);
+    let plane = unit_square();
     let mut random = Random::new(1);
     let parameters = random.array(500, 2);
     let heights: Vec<f64> = (0..500).map(|_| 0.2 * random.next() - 0.1).collect();
@@ -57,7 +65,8 @@ fn points_at_known_distances_from_a_plane() {
 
 #[test]
 fn points_offset_along_the_normals_of_a_paraboloid() {
-    let map = surface(paraboloid);
+    // x = 2u − 1, y = 2v − 1, z = ½ (x² + y²).
+    let map = surface([(-1.0, [2.0, 0.0], 0.0), (-1.0, [0.0, 2.0], 0.0), (1.0, [-2.0, -2.0], 2.0)]);
     let mut random = Random::new(2);
     // Parameters away from the sides, so that the nearest point is the foot of the normal.
     let parameters = random.array(400, 2);
@@ -73,7 +82,7 @@ fn points_offset_along_the_normals_of_a_paraboloid() {
 #[test]
 fn the_distance_from_the_surface_to_points() {
     // Points on one half of the unit square: the far side of the square is ½ away from them, the near one on them.
-    let plane = surface(|u, v| [u, v, 0.0]);
+    let plane = unit_square();
     let n = 41_usize;
     let points = Array2::from_shape_fn((n * n, 3), |(i, k)| match k {
         0 => 0.5 * (i % n) as f64 / (n - 1) as f64,
@@ -90,7 +99,7 @@ fn the_distance_from_the_surface_to_points() {
 
 #[test]
 fn wrong_shapes_are_typed_errors() {
-    let plane = surface(|u, v| [u, v, 0.0]);
+    let plane = unit_square();
     let (none, flat) = (Array2::zeros((0, 3)), Array2::zeros((4, 2)));
     assert_eq!(hausdorff(&plane, none.view(), 3), Err(Error::NoPoints));
     assert!(matches!(hausdorff(&plane, flat.view(), 3), Err(Error::Count { given: 2, expected: 3, .. })));

@@ -99,7 +99,8 @@ fn fit(given: Given, name: &str, options: &CurveOptions) -> Result<CurveFit, Err
     let problem = Problem { sequence: &sequence, options, tolerance, diagonal };
     let mut warnings = sequence.notes.clone();
     let unit = units::resolve(options.units, of_file);
-    if !problem.is_function() && !options.graph {
+    // Points in memory are in the unit of whoever gives them.
+    if !problem.is_function() && !options.graph && !format.is_empty() {
         warnings.extend(units::hint(options.units, of_file, diagonal));
     }
     let attempt = problem.best(&mut warnings)?;
