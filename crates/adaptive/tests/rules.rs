@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use adaptive::{Deviation, Estimate, Iteration, Marking, Options, Outcome, Solution, Solve, Stop, run};
+use adaptive::{Deviation, Estimate, Iteration, Marking, Missed, Options, Outcome, Solution, Solve, Stop, run};
 use ndarray::Array2;
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Mark, Refinement, SplineMap};
 
 /// The only error of [`Prescribed`].
 #[derive(Debug, PartialEq)]
@@ -29,6 +29,8 @@ struct Prescribed<E> {
     handed_over: Vec<bool>,
     offsets: Vec<usize>,
     errors: Vec<f64>,
+    /// What it misses once its points are near enough, the last one first.
+    missed: Vec<Missed>,
 }
 
 /// Points per direction.
@@ -36,7 +38,8 @@ const GRID: usize = 32;
 
 impl<E: Fn([f64; 2], f64) -> f64> Prescribed<E> {
     fn new(error: E) -> Self {
-        Self { error, patience: usize::MAX, handed_over: Vec::new(), offsets: Vec::new(), errors: Vec::new() }
+        let (offsets, errors, missed) = (Vec::new(), Vec::new(), Vec::new());
+        Self { error, patience: usize::MAX, handed_over: Vec::new(), offsets, errors, missed }
     }
 }
 
@@ -72,6 +75,10 @@ impl<E: Fn([f64; 2], f64) -> f64> Solve<2> for Prescribed<E> {
             .collect();
         self.errors = of_cells.concat();
         Ok(Estimate { offsets: &self.offsets, errors: &self.errors, children: &[] })
+    }
+
+    fn missed(&mut self, _map: &SplineMap<2>) -> Result<Missed, Refused> {
+        Ok(self.missed.pop().unwrap_or(Missed::Nothing))
     }
 }
 
@@ -199,4 +206,24 @@ fn the_other_ends() {
     let mut failing = Prescribed { patience: 0, ..Prescribed::new(|_, size| size) };
     let error = run(&mut failing, start(), &options, &mut |_: &Iteration| ControlFlow::Continue(())).unwrap_err();
     assert_eq!(error, Refused);
+}
+
+#[test]
+fn what_a_method_misses_is_done_although_all_points_are_near() {
+    let knots = KnotVector::uniform(2, 2).unwrap();
+    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
+    let mut method = Prescribed::new(|_, _| 0.0);
+    // Solved again on the same space, then refined in one cell, then done.
+    method.missed = vec![Missed::Places(vec![Mark::whole(0)]), Missed::Again];
+    let mut all = |_: &Iteration| ControlFlow::Continue(());
+    let found = run(&mut method, space.clone(), &Options::default(), &mut all).unwrap();
+    let dofs: Vec<usize> = found.history.iter().map(|iteration| iteration.dofs).collect();
+    assert_eq!((dofs.len(), found.stop), (3, Stop::ToleranceReached));
+    assert_eq!([dofs[0], dofs[1]], [space.n_functions(); 2]);
+    assert!(dofs[2] > dofs[1]);
+    assert_eq!(method.handed_over, [false, true, true]);
+    // Without a place nothing can be refined.
+    let mut method = Prescribed::new(|_, _| 0.0);
+    method.missed = vec![Missed::Places(Vec::new())];
+    assert_eq!(run(&mut method, space, &Options::default(), &mut all).unwrap().stop, Stop::Data);
 }

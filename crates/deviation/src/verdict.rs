@@ -180,9 +180,7 @@ impl Thresholds {
                 crossing.depth / tolerance,
                 crossing.extent / tolerance
             );
-            // Loops below the tolerance are smaller than what any measure at that tolerance resolves.
-            let verdict = if crossing.extent > tolerance { Verdict::Failed } else { Verdict::Usable };
-            add("crosses-itself", verdict, crossing.extent, tolerance, Some(crossing.place), text);
+            add("crosses-itself", Verdict::Failed, crossing.extent, 0.0, Some(crossing.place), text);
         }
         if let Some(folded) = deviation.folded.filter(|&folded| folded > self.folded) {
             let text = format!("{:.2} % of the surface's area are folded over", 100.0 * folded);

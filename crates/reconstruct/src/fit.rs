@@ -432,6 +432,25 @@ mod tests {
     use thb_core::Refinement;
 
     #[test]
+    fn a_strip_gets_cells_of_its_shape() {
+        let grid = |length: f64| {
+            let parameters = Array2::from_shape_fn((400, 2), |(i, d)| [i % 20, i / 20][d] as f64 / 19.0);
+            let points = Array2::from_shape_fn((400, 3), |(i, k)| match k {
+                0 => length * parameters[[i, 0]],
+                1 => parameters[[i, 1]],
+                _ => 0.0,
+            });
+            let triangles = triangulate_parameters(parameters.view()).unwrap();
+            elements_by_shape(&points, &parameters, &triangles, &FitOptions::default())
+        };
+        assert_eq!(grid(1.0), None);
+        assert_eq!(grid(3.9), None);
+        assert_eq!(grid(16.0), Some([16, 1]));
+        assert_eq!(grid(1e6), Some([32, 1]));
+        assert_eq!(grid(1.0 / 9.0), Some([1, 12]));
+    }
+
+    #[test]
     fn cells_along_a_ragged_outline_are_many() {
         let knots = KnotVector::uniform(2, 32).unwrap();
         let even = HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap();

@@ -1,5 +1,6 @@
 //! The adaptive loop with the method asked for.
 
+use std::cmp::Reverse;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -130,11 +131,11 @@ impl Attempt {
         self.fitted.history.last().map_or(0.0, |last| last.deviation.within)
     }
 
-    /// Better is what the judge lets pass, then what stays near the points without creases, then what has the asked share of the points
+    /// Better is the better verdict, then what stays near the points without creases, then what has the asked share of the points
     /// within the tolerance, then what comes closest to that.
     fn rank(&self, far: f64, creased: f64, asked: f64) -> Rank {
         Rank {
-            passes: self.judgement.verdict() < Verdict::Failed,
+            verdict: Reverse(self.judgement.verdict()),
             is_smooth: self.farthest() <= far && self.creases <= creased && self.judgement.is_sound(),
             within: self.within().min(asked),
         }
@@ -158,7 +159,7 @@ impl Attempt {
 /// How good an attempt is beside others: the first that differs decides.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 struct Rank {
-    passes: bool,
+    verdict: Reverse<Verdict>,
     is_smooth: bool,
     within: f64,
 }

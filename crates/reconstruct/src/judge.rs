@@ -22,10 +22,15 @@ const MOST_IN_ORDER: usize = 100_000;
 /// Derived: `fit_ls::Lambda::Auto` chooses among powers of ten.
 const SOFTER: f64 = 0.1;
 
-/// Trials with less smoothing in a fit.
+/// Trials with less smoothing in a fit, and with more at a time.
 ///
 /// Limit: each costs a solution on the same space.
 const TRIALS: usize = 3;
+
+/// How often in a fit more smoothing is tried against a surface that passes through itself.
+///
+/// Limit: each time costs up to [`TRIALS`] solutions on the same space.
+const STIFFENINGS: usize = 2;
 
 /// Share of the misses that a trial may leave for the weight to stay.
 const HELPS: f64 = 0.5;
@@ -234,13 +239,16 @@ pub(crate) struct Judged<'a, S> {
     within: f64,
     errors: Vec<f64>,
     softening: Softening,
+    /// How often more smoothing may be tried where the surface passes through itself.
+    stiffenings: usize,
 }
 
 impl<'a, S> Judged<'a, S> {
     /// `softens`: whether the smoothing weight is ours to change.
     pub(crate) fn new(method: S, judge: Option<&'a Judge<'a>>, within: f64, softens: bool) -> Self {
         let softening = Softening { trials: if softens { TRIALS } else { 0 }, before: None };
-        Self { method, judge, within, errors: Vec::new(), softening }
+        let stiffenings = if softens { STIFFENINGS } else { 0 };
+        Self { method, judge, within, errors: Vec::new(), softening, stiffenings }
     }
 }
 
@@ -268,6 +276,42 @@ where
             }
         }
         Ok(distances)
+    }
+}
+
+impl<S> Judged<'_, S>
+where
+    S: Judgeable,
+    Error: From<S::Error>,
+{
+    /// Whether the surface is as near to the scan and no longer passes through itself with more smoothing, which is then set. Between
+    /// points that hold it from one side only, at a rim or beside what the scanner did not see, a surface winds where little smooths it.
+    fn stiffen(&mut self, judge: &Judge<'_>, map: &SplineMap<2>) -> Result<bool, Error> {
+        let Some(before) = self.method.smoothing().filter(|_| self.stiffenings > 0) else { return Ok(false) };
+        self.stiffenings -= 1;
+        let mut lambda = before;
+        for _ in 0..TRIALS {
+            lambda /= SOFTER;
+            self.method.smooth_by(lambda);
+            let stiffer = self.method.solve(map.space(), Some(map))?.map;
+            self.method.estimate(&stiffer)?;
+            let distances = self.distances(judge, &stiffer)?;
+            if adaptive::Deviation::new(&distances, judge.tolerance).within < self.within {
+                break;
+            }
+            let tessellation = tessellate(&stiffer, judge.tolerance)?;
+            let measured = Measured::new(&stiffer, &tessellation)?;
+            let parameters = self.method.sorted().parameters_as_given();
+            let of_scan = parameters.slice_axis(Axis(0), (..judge.scan.len()).into());
+            if judge.misses(&stiffer, &measured, of_scan, self.within).places.is_empty()
+                && judge.crossed(&stiffer, &measured)?.is_empty()
+            {
+                tracing::debug!(before, lambda, "more smoothing keeps the surface from passing through itself");
+                return Ok(true);
+            }
+        }
+        self.method.smooth_by(before);
+        Ok(false)
     }
 }
 
@@ -312,8 +356,14 @@ where
                 return Ok(Missed::Again);
             }
         }
-        let places = if places.is_empty() { judge.crossed(map, &measured)? } else { places };
-        Ok(if places.is_empty() { Missed::Nothing } else { Missed::Places(places) })
+        if !places.is_empty() {
+            return Ok(Missed::Places(places));
+        }
+        let crossed = judge.crossed(map, &measured)?;
+        if crossed.is_empty() {
+            return Ok(Missed::Nothing);
+        }
+        Ok(if self.stiffen(judge, map)? { Missed::Again } else { Missed::Places(crossed) })
     }
 
     fn refine(
@@ -323,5 +373,29 @@ where
         refinement: &Refinement<2>,
     ) -> Result<HierarchicalSpace<2>, thb_core::Error> {
         self.method.refine(space, marked, refinement)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smoothing_is_lowered_as_long_as_it_halves_what_misses() {
+        let again = |lambda: f64| Some(Change { lambda, solves_again: true });
+        let mut softening = Softening { trials: 3, before: None };
+        // Helps, helps, does not: back to the second weight, and no further trial.
+        assert_eq!(softening.next(Some(1.0), 0.1), again(0.1));
+        assert_eq!(softening.next(Some(0.1), 0.04), again(0.1 * SOFTER));
+        let kept = Change { lambda: 0.1, solves_again: false };
+        assert_eq!(softening.next(Some(0.1 * SOFTER), 0.03), Some(kept));
+        assert_eq!(softening.next(Some(0.1), 0.03), None);
+        // What helps stays; nothing missing, no weight, or none of ours to change: no trial.
+        let mut softening = Softening { trials: 3, before: None };
+        assert_eq!(softening.next(Some(1.0), 0.1), again(0.1));
+        assert_eq!(softening.next(Some(0.1), 0.0), None);
+        assert_eq!(softening.next(None, 0.1), None);
+        assert_eq!(softening.next(Some(0.0), 0.1), None);
+        assert_eq!(Softening { trials: 0, before: None }.next(Some(1.0), 0.1), None);
     }
 }
