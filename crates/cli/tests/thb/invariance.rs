@@ -243,7 +243,7 @@ const PARTS: [(&str, Part); 6] = [
 fn part(of: Part) -> Scan {
     // Roberts' sequence fills the square evenly, in any order.
     let place = |k: usize| [0.754_877_666_246_693, 0.569_840_290_998_053].map(|a| (a * k as f64).fract());
-    Scan::cloud((1..=POINTS).map(|k| place(k)).map(|[u, v]| of(u, v)))
+    Scan::cloud((1..=POINTS).map(place).map(|[u, v]| of(u, v)))
 }
 
 #[test]
