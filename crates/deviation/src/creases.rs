@@ -1,5 +1,6 @@
 //! Creases: places where a surface turns over between one sample and the next.
 
+use point_cloud::vec3::{cross, dot};
 use rayon::prelude::*;
 use thb_core::{BezierMap, CellSpace, SplineMap};
 
@@ -26,7 +27,7 @@ pub fn creases(map: &SplineMap<2>, samples: usize) -> Result<f64, Error> {
         let normals: Vec<[f64; 3]> = (0..per_cell * per_cell).map(|k| normal(cell, place(k))).collect();
         let mut counts = [0; 2];
         let mut count = |a: &[f64; 3], b: &[f64; 3]| {
-            counts[0] += usize::from(dot(a, b) < 0.0);
+            counts[0] += usize::from(dot(*a, *b) < 0.0);
             counts[1] += 1;
         };
         for k in 0..normals.len() {
@@ -52,18 +53,12 @@ pub fn creases(map: &SplineMap<2>, samples: usize) -> Result<f64, Error> {
 
 /// `S_u × S_v` of a surface in space at a parameter of a cell.
 pub(crate) fn area_vector(bezier: &BezierMap<2>, cell: usize, u: [f64; 2]) -> [f64; 3] {
-    let mut tangents = [[0.0; 3]; 2];
-    bezier.derivative(cell, u, [1, 0], &mut tangents[0]);
-    bezier.derivative(cell, u, [0, 1], &mut tangents[1]);
-    cross(tangents)
-}
-
-fn cross([a, b]: [[f64; 3]; 2]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(crate) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    (0..3).map(|k| a[k] * b[k]).sum()
+    let tangent = |order: [usize; 2]| {
+        let mut tangent = [0.0; 3];
+        bezier.derivative(cell, u, order, &mut tangent);
+        tangent
+    };
+    cross(tangent([1, 0]), tangent([0, 1]))
 }
 
 #[cfg(test)]

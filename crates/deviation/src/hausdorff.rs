@@ -145,3 +145,6 @@ pub(crate) fn check_widths<const D: usize>(map: &SplineMap<D>, points: ArrayView
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

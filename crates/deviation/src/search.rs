@@ -1,5 +1,6 @@
 //! The point of a surface nearest to a given one.
 
+use crate::creases::area_vector;
 use point_cloud::TriangleTree;
 use point_cloud::vec3::{cross, dot, sub, unit};
 use thb_core::{BezierMap, CellSpace, HierarchicalSpace, Jet, SplineMap, descend};
@@ -155,21 +156,14 @@ impl<'a> SurfaceSearch<'a> {
 
     /// Unit normal of the surface along `S_u × S_v`; zero where there is none.
     pub(crate) fn normal(&self, cell: usize, u: [f64; 2]) -> [f64; 3] {
-        let mut tangents = [[0.0; 3]; 2];
-        self.bezier.derivative(cell, u, [1, 0], &mut tangents[0]);
-        self.bezier.derivative(cell, u, [0, 1], &mut tangents[1]);
-        unit(cross(tangents[0], tangents[1]))
+        unit(area_vector(self.bezier, cell, u))
     }
 }
 
 /// Distance of `point` to the tangent plane of a surface at a parameter in a cell: what is left of its distance to a point of the
 /// rim when that along the surface is taken away.
 pub fn distance_across(map: &SplineMap<2>, cell: usize, u: [f64; 2], point: [f64; 3]) -> f64 {
-    let bezier = map.bezier();
-    let derivative = |order| {
-        let mut out = [0.0; 3];
-        bezier.derivative(cell, u, order, &mut out);
-        out
-    };
-    dot(sub(point, derivative([0, 0])), unit(cross(derivative([1, 0]), derivative([0, 1])))).abs()
+    let mut image = [0.0; 3];
+    map.bezier().derivative(cell, u, [0, 0], &mut image);
+    dot(sub(point, image), unit(area_vector(map.bezier(), cell, u))).abs()
 }

@@ -2,11 +2,12 @@
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use ndarray::ArrayView2;
+use point_cloud::vec3::{dot, norm};
 use rayon::prelude::*;
 use thb_core::SplineMap;
 
 use crate::Error;
-use crate::creases::{area_vector, dot};
+use crate::creases::area_vector;
 use crate::hausdorff::{check_widths, padded};
 
 /// Points whose normals a sample is compared with. A fold may lie beside a sharp edge, with points of both its sides around it.
@@ -49,8 +50,8 @@ pub fn tilted(
             let u = std::array::from_fn(|d| lower[d] + (upper[d] - lower[d]) * (at[d] as f64 + 0.5) / per_cell as f64);
             bezier.derivative(cell, u, [0, 0], &mut image);
             let normal = area_vector(bezier, cell, u);
-            let area = dot(&normal, &normal).sqrt();
-            let alike = |item: u32| dot(&normal, &normals[item as usize]).abs() > COSINE * area;
+            let area = norm(normal);
+            let alike = |item: u32| dot(normal, normals[item as usize]).abs() > COSINE * area;
             let around = tree.query(&image).nearest_n::<SquaredEuclidean<f64>>(nearest).execute();
             areas[0] += if around.iter().any(|found| alike(found.item)) { 0.0 } else { size * area };
             areas[1] += size * area;

@@ -1,29 +1,22 @@
 //! Hausdorff distances against closed forms.
 
-use std::sync::Arc;
-
-use crate::common::Random;
-use deviation::{Error, directed_hausdorff, hausdorff};
 use ndarray::Array2;
-use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
-/// The biquadratic surface with coordinates `c₀ + c₁ (u, v) + c₂ (u² + v²)`, by blossoms: the coefficient of `t²` at the knots `a`, `b`
-/// is `ab`, that of `t` their mean.
-fn surface(coordinates: [(f64, [f64; 2], f64); 3]) -> SplineMap<2> {
-    let knots = KnotVector::uniform(2, 5).unwrap();
-    let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots.clone()]).unwrap());
-    let n = knots.n_functions();
-    let inner = |j: usize| (knots.knots()[j + 1], knots.knots()[j + 2]);
-    let coefficients = Array2::from_shape_fn((n * n, 3), |(row, k)| {
-        let (constant, linear, quadratic) = coordinates[k];
-        let of = |(a, b): (f64, f64), slope: f64| slope * 0.5 * (a + b) + quadratic * a * b;
-        constant + of(inner(row % n), linear[0]) + of(inner(row / n), linear[1])
-    });
-    SplineMap::new(space, coefficients).unwrap()
+use super::*;
+use crate::testing::{Random, interpolated};
+
+/// A bicubic surface that equals a polynomial of degree 3 or less per direction.
+fn surface(shape: impl Fn(f64, f64) -> [f64; 3]) -> SplineMap<2> {
+    interpolated([5, 5], [false; 2], shape)
 }
 
 fn unit_square() -> SplineMap<2> {
-    surface([(0.0, [1.0, 0.0], 0.0), (0.0, [0.0, 1.0], 0.0), (0.0, [0.0, 0.0], 0.0)])
+    surface(|u, v| [u, v, 0.0])
+}
+
+/// Numbers between 0 and 1.
+fn numbers(random: &mut Random, rows: usize, columns: usize) -> Array2<f64> {
+    Array2::from_shape_simple_fn((rows, columns), || random.between(0.0, 1.0))
 }
 
 /// A paraboloid with curvature at most 1.
@@ -50,14 +43,14 @@ fn offset(parameters: &Array2<f64>, length: impl Fn(usize) -> f64) -> Array2<f64
 fn points_at_known_distances_from_a_plane() {
     let plane = unit_square();
     let mut random = Random::new(1);
-    let parameters = random.array(500, 2);
-    let heights: Vec<f64> = (0..500).map(|_| 0.2 * random.next() - 0.1).collect();
+    let parameters = numbers(&mut random, 500, 2);
+    let heights: Vec<f64> = (0..500).map(|_| random.between(-0.1, 0.1)).collect();
     let largest = heights.iter().fold(0.0_f64, |m, h| m.max(h.abs()));
     let points = Array2::from_shape_fn((500, 3), |(i, k)| if k < 2 { parameters[[i, k]] } else { heights[i] });
     let found = directed_hausdorff(&plane, parameters.view(), points.view()).unwrap();
     assert!((found - largest).abs() < 1e-12, "{found} instead of {largest}");
     // The parameters are only where the search begins.
-    let elsewhere = random.array(500, 2);
+    let elsewhere = numbers(&mut random, 500, 2);
     let found = directed_hausdorff(&plane, elsewhere.view(), points.view()).unwrap();
     assert!((found - largest).abs() < 1e-12, "{found} instead of {largest}");
     assert!((hausdorff(&plane, points.view(), 3).unwrap().points_to_map - largest).abs() < 1e-12);
@@ -65,12 +58,11 @@ fn points_at_known_distances_from_a_plane() {
 
 #[test]
 fn points_offset_along_the_normals_of_a_paraboloid() {
-    // x = 2u − 1, y = 2v − 1, z = ½ (x² + y²).
-    let map = surface([(-1.0, [2.0, 0.0], 0.0), (-1.0, [0.0, 2.0], 0.0), (1.0, [-2.0, -2.0], 2.0)]);
+    let map = surface(paraboloid);
     let mut random = Random::new(2);
     // Parameters away from the sides, so that the nearest point is the foot of the normal.
-    let parameters = random.array(400, 2);
-    let lengths: Vec<f64> = (0..400).map(|i| if i == 137 { -0.4 } else { 0.6 * random.next() - 0.3 }).collect();
+    let parameters = numbers(&mut random, 400, 2);
+    let lengths: Vec<f64> = (0..400).map(|i| if i == 137 { -0.4 } else { random.between(-0.3, 0.3) }).collect();
     let points = offset(&parameters, |i| lengths[i]);
     let found = directed_hausdorff(&map, parameters.view(), points.view()).unwrap();
     assert!((found - 0.4).abs() < 1e-10, "{found}");
