@@ -116,13 +116,6 @@ impl<const D: usize> MovingFit<D> {
         self.fit.lambda()
     }
 
-    /// Uses a smoothing weight from now on whatever the options say, or no longer.
-    pub fn hold_lambda(&mut self, lambda: Option<f64>) {
-        self.fit.hold_lambda(lambda);
-        // Its equations hold the smoothing.
-        self.system = None;
-    }
-
     /// The present parameters, `(m, D)`, in the order in which the points were given.
     pub fn parameters(&self) -> Array2<f64> {
         self.fit.points().parameters_as_given()
@@ -146,13 +139,14 @@ impl<const D: usize> MovingFit<D> {
             .unwrap_or_else(|| Constraints::new(self.start.view(), ([0.0; D], [1.0; D]), Boundary::Free))
     }
 
-    /// The equations of coupled steps in a space.
+    /// The equations of coupled steps in a space, with the smoothing weight of now.
     pub(crate) fn take_system(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<StepSystem, Error> {
+        let lambda = self.fit.lambda().unwrap_or(0.0);
         match self.system.take() {
-            Some((known, system)) if Arc::ptr_eq(&known, space) => Ok(system),
+            Some((known, system)) if Arc::ptr_eq(&known, space) && system.lambda() == lambda => Ok(system),
             _ => {
                 let energy = self.fit.energy(space)?;
-                StepSystem::new(energy, self.fit.lambda().unwrap_or(0.0), self.fit.points().dim())
+                StepSystem::new(energy, lambda, self.fit.points().dim())
             }
         }
     }

@@ -30,6 +30,10 @@ impl StepSystem {
         Ok(Self { energy, lambda, blocked, solver, dim })
     }
 
+    pub(crate) fn lambda(&self) -> f64 {
+        self.lambda
+    }
+
     /// The pattern of the equations of one coordinate.
     pub(crate) fn pattern(&self) -> &SymmetricPattern {
         self.energy.pattern()

@@ -6,15 +6,15 @@ use std::path::Path;
 use geom_io::{ReadOptions, Scan, read_scan};
 use ndarray::{Array2, ArrayView2};
 use point_cloud::{
-    Duplicates, FarValues, GridShape, Neighbours, Pieces, TriangleMesh, check_surface_cloud, find_isolated,
-    find_outliers, find_stray_pieces, merge_duplicate_vertices, thin, weld,
+    CloudPieces, Duplicates, FarValues, GridShape, Neighbours, Pieces, TriangleMesh, check_surface_cloud,
+    find_isolated, find_outliers, find_stray_pieces, merge_duplicate_vertices, thin, weld,
 };
 use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
 use serde::Serialize;
 
 use crate::parameter_options::{Clean, ParameterChoice};
-use crate::parameters::{extent, named_rows, spread_over_square};
+use crate::parameters::{MIN_POINTS, extent, named_rows, spread_over_square};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Neighbours and robust standard deviations that make a point an outlier.
@@ -348,14 +348,18 @@ impl Cleaned {
         Ok(self.neighbours.insert(found))
     }
 
+    fn cloud_pieces(&mut self) -> Result<CloudPieces, Error> {
+        check_surface_cloud(self.scan.cloud.points.view(), MIN_POINTS)?;
+        Ok(find_stray_pieces(self.neighbours()?, PIECES.1)?)
+    }
+
     fn stray(&mut self, remove: bool) -> Result<(), Error> {
         if let Some(MeshPieces { piece_of, .. }) = mesh_pieces(&self.scan)? {
             let kept: Vec<usize> = (0..self.scan.rows.len()).filter(|&i| piece_of[i] == Some(0)).collect();
             self.found.stray = Some(self.scan.rows.len() - kept.len());
             return if remove { self.keep(kept, "--clean stray") } else { Ok(()) };
         }
-        check_surface_cloud(self.scan.cloud.points.view(), 4)?;
-        let pieces = find_stray_pieces(self.neighbours()?, PIECES.1)?;
+        let pieces = self.cloud_pieces()?;
         let kept: Vec<usize> = (0..self.scan.rows.len()).filter(|&i| pieces.piece_of[i] == 0).collect();
         self.found.stray = Some(self.scan.rows.len() - kept.len());
         self.found.pieces = Some(pieces.sizes.len());
@@ -373,8 +377,7 @@ impl Cleaned {
         let (piece_of, sizes, what) = match mesh_pieces(&self.scan)? {
             Some(MeshPieces { piece_of, sizes }) => (piece_of, sizes, "mesh"),
             None => {
-                check_surface_cloud(self.scan.cloud.points.view(), 4)?;
-                let pieces = find_stray_pieces(self.neighbours()?, PIECES.1)?;
+                let pieces = self.cloud_pieces()?;
                 (pieces.piece_of.into_iter().map(Some).collect(), pieces.sizes, "cloud")
             }
         };

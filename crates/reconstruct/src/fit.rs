@@ -182,20 +182,10 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         }
     }
     let Attempt { method, fitted, creases, mut judgement } = found;
+    let dhd = farthest_point(&fitted, points)?;
     let Fitted {
-        map,
-        stop,
-        failure,
-        history: iterations,
-        moves,
-        quasi,
-        reweighting,
-        counted,
-        parameters,
-        errors,
-        lambda,
+        map, stop, failure, history: iterations, moves, quasi, reweighting, parameters, errors, lambda, ..
     } = fitted;
-    let dhd = farthest_point(&map, points, &parameters, counted.as_deref())?;
     let hsd = dhd.max(judgement.deviation.farthest);
     if let Some(failure) = failure {
         warnings.push(format!("the last refinement could not be solved: {failure}"));
@@ -330,18 +320,15 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
 }
 
 /// Largest distance of a point that counts to a surface.
-fn farthest_point(
-    map: &SplineMap<2>,
-    points: &Array2<f64>,
-    parameters: &Array2<f64>,
-    counted: Option<&[bool]>,
-) -> Result<f64, Error> {
-    let kept: Option<Vec<usize>> = counted.map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect());
-    let of_kept = |all: &Array2<f64>| kept.as_ref().map(|kept| all.select(Axis(0), kept));
-    let (some_points, some_parameters) = (of_kept(points), of_kept(parameters));
-    let points = some_points.as_ref().unwrap_or(points).view();
-    let parameters = some_parameters.as_ref().unwrap_or(parameters).view();
-    Ok(directed_hausdorff(map, parameters, points)?)
+fn farthest_point(fitted: &Fitted, points: &Array2<f64>) -> Result<f64, Error> {
+    let Fitted { map, parameters, .. } = fitted;
+    Ok(match fitted.kept() {
+        None => directed_hausdorff(map, parameters.view(), points.view())?,
+        Some(kept) => {
+            let of_kept = |all: &Array2<f64>| all.select(Axis(0), &kept);
+            directed_hausdorff(map, of_kept(parameters).view(), of_kept(points).view())?
+        }
+    })
 }
 
 /// Share of the cells whose middle is within [`RIM`] of a side of the domain.

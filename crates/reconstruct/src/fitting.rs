@@ -14,7 +14,7 @@ use point_cloud::{BoundingBox, LocalFrames};
 use thb_core::{CellSpace, HierarchicalSpace, Refinement, SplineMap};
 
 use crate::densify::{area_weights, area_weights_of_cloud, densify, spacing_weights};
-use crate::judge::{Judge, Judgeable, Judged, Judgement};
+use crate::judge::{Judge, Judged, Judgement};
 use crate::options::{BlendChoice, LambdaChoice, Method, Samples};
 use crate::quasi::{self, QuasiReport};
 use crate::reweighting::{self, ReweightingReport};
@@ -112,6 +112,13 @@ pub(crate) struct Fitted {
     /// Distance of each point to the surface at its parameters.
     pub(crate) errors: Array1<f64>,
     pub(crate) lambda: f64,
+}
+
+impl Fitted {
+    /// The places of the points that count; `None` if all do.
+    pub(crate) fn kept(&self) -> Option<Vec<usize>> {
+        self.counted.as_ref().map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect())
+    }
 }
 
 /// What a method left, measured.
@@ -307,7 +314,7 @@ struct Task<'a> {
 }
 
 impl<'a> Task<'a> {
-    fn judged<S: Judgeable>(&self, method: S, within: f64) -> Judged<'a, S> {
+    fn judged<S>(&self, method: S, within: f64) -> Judged<'a, S> {
         Judged::new(method, self.judges_loop.then_some(self.judge), within, self.softens)
     }
 }
@@ -429,8 +436,7 @@ fn attempt(
     };
     let _ = watch(Event::Step("measuring the surface"));
     // The surface need not come near points that count for nothing.
-    let kept: Option<Vec<usize>> =
-        fitted.counted.as_ref().map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect());
+    let kept = fitted.kept();
     let creases = creases(&fitted.map, CREASE_SAMPLES)?;
     let judgement = judgement(problem, judge, kept.as_deref(), &fitted, options.within)?;
     Ok(Attempt { method, fitted, creases, judgement })

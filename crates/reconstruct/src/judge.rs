@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use adaptive::{Estimate, Missed, Solution, Solve};
 use deviation::{Deviation, Measured, Reason, Scan, ScanSide, Thresholds, Verdict, tessellate, verdict};
-use fit_ls::{LeastSquares, SortedPoints};
-use moving_param::{Boundary, Constraints, FootPointOptions, MovingFit, foot_points};
+use fit_ls::Weighted;
+use moving_param::{Boundary, Constraints, FootPointOptions, foot_points};
 use ndarray::{ArrayView2, Axis};
 use param_classic::triangulate_parameters;
 use thb_core::{CellSpace, HierarchicalSpace, Mark, Refinement, SplineMap};
@@ -106,14 +106,10 @@ impl<'a> Judge<'a> {
     }
 
     /// Where a surface misses the scan: all parts beyond the tolerance where less than the share `within` of the scan's area is within
-    /// it, else the patches of misses that are too large.
-    fn misses(
-        &self,
-        map: &SplineMap<2>,
-        measured: &Measured<'_>,
-        parameters: ArrayView2<'_, f64>,
-        within: f64,
-    ) -> Misses {
+    /// it, else the patches of misses that are too large; without any, where it passes through itself.
+    fn misses(&self, map: &SplineMap<2>, parameters: ArrayView2<'_, f64>, within: f64) -> Result<Misses, Error> {
+        let tessellation = tessellate(map, self.tolerance)?;
+        let measured = Measured::new(map, &tessellation)?;
         let ScanSide { distances, gathered, mut misses, .. } =
             measured.scan_side(&self.scan, Some(parameters), self.tolerance, &self.thresholds);
         let lacks = distances.within < within;
@@ -129,7 +125,8 @@ impl<'a> Judge<'a> {
                 places.push(Mark { cell: miss.cell, child: Some(child) });
             }
         }
-        Misses { places, share: if lacks { 1.0 - distances.within } else { gathered.total } }
+        let crossed = if places.is_empty() { self.crossed(map, &measured)? } else { Vec::new() };
+        Ok(Misses { places, share: if lacks { 1.0 - distances.within } else { gathered.total }, crossed })
     }
 
     /// The cells in which a surface passes through itself. Two sheets that do may have room enough between them, once they are nearer to
@@ -153,46 +150,8 @@ struct Misses {
     places: Vec<Mark>,
     /// Share of the scan's area that they are.
     share: f64,
-}
-
-/// A method that can be judged: its points can be looked at and its smoothing changed.
-pub(crate) trait Judgeable: Solve<2> {
-    /// The points, in the order of the cells of the last space.
-    fn sorted(&self) -> &SortedPoints<2>;
-
-    /// The smoothing weight in use.
-    fn smoothing(&self) -> Option<f64>;
-
-    /// Sets the smoothing weight.
-    fn smooth_by(&mut self, lambda: f64);
-}
-
-impl Judgeable for LeastSquares<2> {
-    fn sorted(&self) -> &SortedPoints<2> {
-        self.points()
-    }
-
-    fn smoothing(&self) -> Option<f64> {
-        self.lambda()
-    }
-
-    fn smooth_by(&mut self, lambda: f64) {
-        self.hold_lambda(Some(lambda));
-    }
-}
-
-impl Judgeable for MovingFit<2> {
-    fn sorted(&self) -> &SortedPoints<2> {
-        self.points()
-    }
-
-    fn smoothing(&self) -> Option<f64> {
-        self.lambda()
-    }
-
-    fn smooth_by(&mut self, lambda: f64) {
-        self.hold_lambda(Some(lambda));
-    }
+    /// Cells in which the surface passes through itself; looked for where there are no such places.
+    crossed: Vec<Mark>,
 }
 
 /// Trials with less smoothing. An automatic weight is chosen by points that are held out, all over the scan; where misses gather, it may
@@ -254,12 +213,12 @@ impl<'a, S> Judged<'a, S> {
 
 impl<S> Judged<'_, S>
 where
-    S: Judgeable,
+    S: Weighted<2>,
     Error: From<S::Error>,
 {
     /// Distances to the closest points, in the order of the cells.
     fn distances(&self, judge: &Judge<'_>, map: &SplineMap<2>) -> Result<Vec<f64>, Error> {
-        let points = self.method.sorted();
+        let points = self.method.least_squares().points();
         let space = map.space();
         let free = Constraints::in_space(points.parameters_as_given().view(), space.as_ref(), Boundary::Free);
         let feet = foot_points(map, points, &free, &FootPointOptions::default())?;
@@ -277,47 +236,45 @@ where
         }
         Ok(distances)
     }
-}
 
-impl<S> Judged<'_, S>
-where
-    S: Judgeable,
-    Error: From<S::Error>,
-{
+    fn misses(&self, judge: &Judge<'_>, map: &SplineMap<2>) -> Result<Misses, Error> {
+        let parameters = self.method.least_squares().points().parameters_as_given();
+        judge.misses(map, parameters.slice_axis(Axis(0), (..judge.scan.len()).into()), self.within)
+    }
+
     /// Whether the surface is as near to the scan and no longer passes through itself with more smoothing, which is then set. Between
     /// points that hold it from one side only, at a rim or beside what the scanner did not see, a surface winds where little smooths it.
+    ///
+    /// Tried by least squares at the present parameters: nothing of the method changes but its smoothing.
     fn stiffen(&mut self, judge: &Judge<'_>, map: &SplineMap<2>) -> Result<bool, Error> {
-        let Some(before) = self.method.smoothing().filter(|_| self.stiffenings > 0) else { return Ok(false) };
+        let Some(before) = self.method.least_squares().lambda().filter(|_| self.stiffenings > 0) else {
+            return Ok(false);
+        };
         self.stiffenings -= 1;
         let mut lambda = before;
         for _ in 0..TRIALS {
             lambda /= SOFTER;
-            self.method.smooth_by(lambda);
-            let stiffer = self.method.solve(map.space(), Some(map))?.map;
-            self.method.estimate(&stiffer)?;
+            let fit = self.method.least_squares_mut();
+            fit.hold_lambda(Some(lambda));
+            let stiffer = fit.fit(map.space())?;
             let distances = self.distances(judge, &stiffer)?;
             if adaptive::Deviation::new(&distances, judge.tolerance).within < self.within {
                 break;
             }
-            let tessellation = tessellate(&stiffer, judge.tolerance)?;
-            let measured = Measured::new(&stiffer, &tessellation)?;
-            let parameters = self.method.sorted().parameters_as_given();
-            let of_scan = parameters.slice_axis(Axis(0), (..judge.scan.len()).into());
-            if judge.misses(&stiffer, &measured, of_scan, self.within).places.is_empty()
-                && judge.crossed(&stiffer, &measured)?.is_empty()
-            {
+            let Misses { places, crossed, .. } = self.misses(judge, &stiffer)?;
+            if places.is_empty() && crossed.is_empty() {
                 tracing::debug!(before, lambda, "more smoothing keeps the surface from passing through itself");
                 return Ok(true);
             }
         }
-        self.method.smooth_by(before);
+        self.method.least_squares_mut().hold_lambda(Some(before));
         Ok(false)
     }
 }
 
 impl<S> Solve<2> for Judged<'_, S>
 where
-    S: Judgeable,
+    S: Weighted<2>,
     Error: From<S::Error>,
 {
     type Error = Error;
@@ -332,8 +289,7 @@ where
 
     fn estimate(&mut self, map: &SplineMap<2>) -> Result<Estimate<'_>, Error> {
         let Some(judge) = self.judge else { return Ok(self.method.estimate(map)?) };
-        // This sorts the points by the cells of the map's space.
-        self.method.estimate(map)?;
+        self.method.least_squares_mut().sort_for(map.space())?;
         self.errors = self.distances(judge, map)?;
         let at_parameters = self.method.estimate(map)?;
         Ok(Estimate { errors: &self.errors, ..at_parameters })
@@ -345,13 +301,9 @@ where
 
     fn missed(&mut self, map: &SplineMap<2>) -> Result<Missed, Error> {
         let Some(judge) = self.judge else { return Ok(self.method.missed(map)?) };
-        let tessellation = tessellate(map, judge.tolerance)?;
-        let measured = Measured::new(map, &tessellation)?;
-        let parameters = self.method.sorted().parameters_as_given();
-        let of_scan = parameters.slice_axis(Axis(0), (..judge.scan.len()).into());
-        let Misses { places, share } = judge.misses(map, &measured, of_scan, self.within);
-        if let Some(change) = self.softening.next(self.method.smoothing(), share) {
-            self.method.smooth_by(change.lambda);
+        let Misses { places, share, crossed } = self.misses(judge, map)?;
+        if let Some(change) = self.softening.next(self.method.least_squares().lambda(), share) {
+            self.method.least_squares_mut().hold_lambda(Some(change.lambda));
             if change.solves_again {
                 return Ok(Missed::Again);
             }
@@ -359,7 +311,6 @@ where
         if !places.is_empty() {
             return Ok(Missed::Places(places));
         }
-        let crossed = judge.crossed(map, &measured)?;
         if crossed.is_empty() {
             return Ok(Missed::Nothing);
         }

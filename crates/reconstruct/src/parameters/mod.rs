@@ -32,7 +32,7 @@ use crate::parameter_options::{Closed, Domain, ParameterChoice, SideRule};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Fewest points of a surface: four control points of the smallest bilinear one.
-const MIN_POINTS: usize = 4;
+pub(crate) const MIN_POINTS: usize = 4;
 
 /// Standard deviation of parameters across the line that they are nearest to, as a share of that along it, from which on they
 /// span a domain.
@@ -158,7 +158,9 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     // In the order of the file again.
     let mut in_order: Vec<usize> = (0..layout.rows.len()).collect();
     in_order.sort_by_key(|&at| rows[layout.rows[at] as usize]);
-    layout.keep(&in_order);
+    if !in_order.is_sorted() {
+        layout.keep(&in_order);
+    }
     warnings.extend(layout.warnings.iter().cloned());
     let _ = watch(Event::Step("measuring the parameters"));
     let in_file = |i: u32| rows[layout.rows[i as usize] as usize];
