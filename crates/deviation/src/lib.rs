@@ -13,6 +13,7 @@ mod error;
 mod gathered;
 mod hausdorff;
 mod measure;
+mod parts;
 mod scan;
 mod search;
 mod sets;

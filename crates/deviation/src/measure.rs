@@ -1,13 +1,15 @@
 //! A surface against a scan.
 
 use ndarray::ArrayView2;
+use point_cloud::barycentric_in_plane;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
 use rayon::prelude::*;
 use serde::Serialize;
 use thb_core::SplineMap;
 
 use crate::gathered::Node;
-use crate::scan::{Cloud, Kind, Mesh, diagonal, for_each_part};
+use crate::parts::{At, farthest, for_each_part, for_each_place, point_at};
+use crate::scan::{Cloud, Kind, Mesh, diagonal};
 use crate::search::{Foot, SurfaceSearch};
 use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, curvature_radii, self_crossings};
 
@@ -36,12 +38,6 @@ const BETWEEN: f64 = 0.1;
 ///
 /// Derived: a twentieth of the tolerance changes a share of the area by a few 10⁻³ at most.
 const CHORD: f64 = 0.05;
-
-/// Depth, in tolerances, from which on a surface passes through itself, and does not only touch itself.
-///
-/// Calibrated: `thb fit` of half a ship's hull at 0.1 % passes through itself at the stem, 0.04 to 0.07 tolerances deep, and a solid
-/// made of it has ten times its volume; with a depth of 0 none of 17 sound fits passes through itself.
-const CROSSING_DEPTH: f64 = 0.02;
 
 /// Crossings that a report lists.
 const LISTED_CROSSINGS: usize = 10;
@@ -278,12 +274,10 @@ impl<'a> Measured<'a> {
     /// # Errors
     /// [`Error::Space`].
     pub fn crossings(&self, scan: &Scan<'_>, tolerance: f64) -> Result<Crossings, Error> {
-        let mut crossings = self_crossings(self.map, self.tessellation, CROSSING_DEPTH * tolerance)?;
-        let triangles = match &scan.kind {
-            Kind::Mesh(mesh) => mesh.curved.triangles(),
-            Kind::Cloud(cloud) => cloud.spanned.as_ref().map_or(&[][..], |mesh| mesh.curved.triangles()),
-        };
-        crossings.forgive(scan.points, triangles, tolerance);
+        let mut crossings = self_crossings(self.map, self.tessellation, 0.0)?;
+        if let Kind::Mesh(mesh) = &scan.kind {
+            crossings.forgive(scan.points, mesh.curved.triangles(), tolerance);
+        }
         Ok(crossings)
     }
 
@@ -310,34 +304,49 @@ impl<'a> Measured<'a> {
         thresholds: &Thresholds,
     ) -> ScanSide {
         let periods = self.search.periods();
+        let judged = |t: usize, w: [f64; 3], area: f64| {
+            let place = mesh.curved.on_facet(t, w);
+            let start = interpolate(mesh.curved.triangles()[t].map(parameter), w, periods);
+            let foot = self.search.nearest(place, start, tolerance);
+            let facet = mesh.curved.facet_normal(t);
+            let sagitta = mesh.curved.sagitta(t, w);
+            let band = BAND_WIDTH * sagitta.clamp(-WIDEST_BAND * tolerance, WIDEST_BAND * tolerance);
+            let mut distance = foot.distance;
+            if band.abs() > NEGLIGIBLE_SAGITTA * tolerance {
+                let curved = add(place, scale(band, facet));
+                let other = self.search.nearest(curved, start, tolerance).distance;
+                let is_between = (foot.distance + other - band.abs()).abs() < BETWEEN * band.abs();
+                distance = if is_between { 0.0 } else { foot.distance.min(other) };
+            }
+            let edge = EDGE_OF_AREA * mesh.curved.areas()[t].sqrt();
+            let beyond_rim = foot.on_rim && foot.split().1 > tolerance + edge;
+            let signed = foot.distance.copysign(dot(foot.offset, facet));
+            let cosine = dot(facet, foot.normal);
+            Part { cosine, signed, triangle: t as u32, ..Part::new(place, &foot, distance, area, beyond_rim) }
+        };
         let of_triangle = |t: usize| {
             let n = mesh.parts_per_side(t);
             let mut parts = Vec::with_capacity(n * n);
-            let vertices = mesh.curved.triangles()[t];
-            let at_corners = vertices.map(parameter);
             let area = mesh.curved.areas()[t] / (n * n) as f64;
-            let (facet, edge) = (mesh.curved.facet_normal(t), EDGE_OF_AREA * mesh.curved.areas()[t].sqrt());
-            for_each_part(n, |w| {
-                let place = mesh.curved.on_facet(t, w);
-                let start = interpolate(at_corners, w, periods);
-                let foot = self.search.nearest(place, start, tolerance);
-                let sagitta = mesh.curved.sagitta(t, w);
-                let band = BAND_WIDTH * sagitta.clamp(-WIDEST_BAND * tolerance, WIDEST_BAND * tolerance);
-                let mut distance = foot.distance;
-                if band.abs() > NEGLIGIBLE_SAGITTA * tolerance {
-                    let curved = add(place, scale(band, facet));
-                    let other = self.search.nearest(curved, start, tolerance).distance;
-                    let is_between = (foot.distance + other - band.abs()).abs() < BETWEEN * band.abs();
-                    distance = if is_between { 0.0 } else { foot.distance.min(other) };
-                }
-                let beyond_rim = foot.on_rim && foot.split().1 > tolerance + edge;
-                let angle = dot(facet, foot.normal);
-                let signed = foot.distance.copysign(dot(foot.offset, facet));
-                parts.push(Part { cosine: angle, signed, ..Part::new(place, &foot, distance, area, beyond_rim) });
-            });
+            for_each_part(n, |w| parts.push(judged(t, w, area)));
+            // Along its sides a curved triangle is flat, or as good as flat; places all over the parts give that its share of the area,
+            // which the middles never see.
+            if mesh.curved.sagitta(t, [1.0 / 3.0; 3]).abs() > NEGLIGIBLE_SAGITTA * tolerance {
+                parts.iter_mut().for_each(|part| part.area = 0.0);
+                for_each_place(n, t * n * n, |w| parts.push(Part { gathers: 0.0, ..judged(t, w, area) }));
+            }
             parts
         };
         let mut parts: Vec<Part> = (0..mesh.curved.areas().len()).into_par_iter().flat_map_iter(of_triangle).collect();
+        let at = |part: &Part| {
+            let t = part.triangle as usize;
+            let weights = barycentric_in_plane(part.place, mesh.curved.corners(t))?;
+            let size = (part.gathers.max(part.area) / mesh.curved.areas()[t]).sqrt();
+            Some(At { triangle: part.triangle, weights, distance: part.distance, size })
+        };
+        let known = parts.chunk_by(|a, b| a.triangle == b.triangle).filter_map(|of_one| at(farthest_of(of_one)?)).collect();
+        let highest = farthest(known, &|t, w| judged(t as usize, w, 0.0).distance);
+        parts.extend(highest.map(|at| judged(at.triangle as usize, at.weights, 0.0)));
         // Vertices have no area, but may be the farthest places.
         let of_vertex = |&v: &u32| {
             let place = mesh.curved.vertices()[v as usize];
@@ -345,7 +354,7 @@ impl<'a> Measured<'a> {
             Part::new(place, &foot, foot.distance, 0.0, false)
         };
         parts.par_extend(mesh.used.par_iter().map(of_vertex));
-        let reach = |part: &Part| REACH * EDGE_OF_AREA * part.area.sqrt();
+        let reach = |part: &Part| REACH * EDGE_OF_AREA * part.gathers.sqrt();
         // The surface's normals may all run against the scan's.
         let turned = parts.iter().map(|part| part.area * part.cosine).sum::<f64>() < 0.0;
         let sign = if turned { -1.0 } else { 1.0 };
@@ -380,30 +389,43 @@ impl<'a> Measured<'a> {
         };
         let parts: Vec<Part> = points.par_iter().enumerate().map(of_point).collect();
         // The weight of a point is the square of its spacing.
-        side(&parts, &|part| REACH_OF_POINT * part.area.sqrt(), tolerance, thresholds)
+        side(&parts, &|part| REACH_OF_POINT * part.gathers.sqrt(), tolerance, thresholds)
     }
 
-    /// Calls `part` with the middle, the cell and parameter and the area of each part of the surface.
-    fn parts<T: Send>(&self, part: &(dyn Fn([f64; 3], u32, [f64; 3], f64) -> T + Sync)) -> Vec<T> {
-        let corners = |t: usize| self.tessellation.triangles[t].map(|v| self.tessellation.vertices[v as usize]);
+    /// Calls `part` with the middle, the triangle, the barycentric coordinates and the area of each part of the surface, and once more,
+    /// without area, for the place that is farthest by `distance` of what that returns.
+    fn parts<T: Send + Sync>(
+        &self,
+        part: &(dyn Fn([f64; 3], u32, [f64; 3], f64) -> T + Sync),
+        distance: &(dyn Fn(&T) -> f64 + Sync),
+    ) -> Vec<T> {
+        let corners = |t: usize| self.tessellation.corners(t);
         let area = |t: usize| {
             let [p, q, r] = corners(t);
             0.5 * norm(cross(sub(q, p), sub(r, p)))
         };
         let total: f64 = (0..self.tessellation.triangles.len()).map(area).sum();
-        (0..self.tessellation.triangles.len())
-            .into_par_iter()
-            .flat_map_iter(|t| {
-                let ([p, q, r], area) = (corners(t), area(t));
-                let n = ((area * SURFACE_PARTS / total).sqrt().ceil() as usize).clamp(1, 100);
-                let mut made = Vec::with_capacity(n * n);
-                for_each_part(n, |w| {
-                    let middle = add(add(scale(w[0], p), scale(w[1], q)), scale(w[2], r));
-                    made.push(part(middle, t as u32, w, area / (n * n) as f64));
-                });
-                made
-            })
-            .collect()
+        let of_triangle = |t: usize| {
+            let (corners, area) = (corners(t), area(t));
+            let n = ((area * SURFACE_PARTS / total).sqrt().ceil() as usize).clamp(1, 100);
+            let (mut made, mut highest) = (Vec::with_capacity(n * n), None::<At>);
+            for_each_part(n, |weights| {
+                let found = part(point_at(corners, weights), t as u32, weights, area / (n * n) as f64);
+                let distance = distance(&found);
+                if highest.is_none_or(|h| distance > h.distance) {
+                    highest = Some(At { triangle: t as u32, weights, distance, size: 1.0 / n as f64 });
+                }
+                made.push(found);
+            });
+            (made, highest)
+        };
+        let per_triangle: Vec<(Vec<T>, Option<At>)> =
+            (0..self.tessellation.triangles.len()).into_par_iter().map(of_triangle).collect();
+        let known = per_triangle.iter().filter_map(|found| found.1).collect();
+        let at = |t: u32, weights: [f64; 3]| part(point_at(corners(t as usize), weights), t, weights, 0.0);
+        let highest = farthest(known, &|t, weights| distance(&at(t, weights)));
+        let parts = per_triangle.into_iter().flat_map(|found| found.0);
+        parts.chain(highest.map(|h| at(h.triangle, h.weights))).collect()
     }
 
     fn surface_to_mesh(&self, mesh: &Mesh, tolerance: f64) -> SurfaceSide {
@@ -437,7 +459,7 @@ impl<'a> Measured<'a> {
                 normal,
             }
         };
-        let found = self.parts(&part);
+        let found = self.parts(&part, &|found| if found.on_rim { f64::NEG_INFINITY } else { found.band });
         let area: f64 = found.iter().map(|f| f.area).sum();
         let inside: Vec<&Found> = found.iter().filter(|f| !f.on_rim).collect();
         let inner: f64 = inside.iter().map(|f| f.area).sum();
@@ -463,7 +485,7 @@ impl<'a> Measured<'a> {
             let (distance, nearest) = cloud.tree.closest(place);
             ((distance - cloud.spacing[nearest as usize]).max(0.0), area, place, distance)
         };
-        let found = self.parts(&part);
+        let found = self.parts(&part, &|found| found.0);
         let area: f64 = found.iter().map(|f| f.1).sum();
         // Where no point is within two spacings the surface spans a void or reaches beyond the outline.
         let beyond = sum(found.iter().filter(|f| f.0 > 0.5 * f.3 && f.0 > tolerance).map(|f| f.1));
@@ -489,11 +511,15 @@ struct Part {
     facet: f64,
     /// Area of a triangle's part, weight of a cloud's point.
     area: f64,
+    /// The same where misses gather: a triangle's parts gather by their middles.
+    gathers: f64,
     beyond_rim: bool,
     /// Of the angle between the normals of scan and surface; of a triangle's part only.
     cosine: f64,
     /// The distance to the nearest point, negative behind the surface; of a triangle's part only.
     signed: f64,
+    /// The triangle that it is a part of; of a triangle's part only.
+    triangle: u32,
     /// Where the nearest point is.
     cell: u32,
     parameter: [f64; 2],
@@ -502,7 +528,19 @@ struct Part {
 impl Part {
     fn new(place: [f64; 3], foot: &Foot, distance: f64, area: f64, beyond_rim: bool) -> Self {
         let (facet, cell, parameter) = (foot.distance, foot.cell as u32, foot.parameter);
-        Self { place, distance, facet, area, beyond_rim, cosine: 1.0, signed: facet, cell, parameter }
+        Self {
+            place,
+            distance,
+            facet,
+            area,
+            gathers: area,
+            beyond_rim,
+            cosine: 1.0,
+            signed: facet,
+            triangle: 0,
+            cell,
+            parameter,
+        }
     }
 }
 
@@ -516,13 +554,18 @@ struct SurfaceSide {
     folded: Option<f64>,
 }
 
+/// The part that is farthest, the first one of several.
+fn farthest_of(parts: &[Part]) -> Option<&Part> {
+    parts.iter().reduce(|best, part| if part.distance > best.distance { part } else { best })
+}
+
 fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds: &Thresholds) -> ScanSide {
     let total = sum(parts.iter().map(|part| part.area));
     let beyond = sum(parts.iter().filter(|part| part.beyond_rim).map(|part| part.area));
-    let missing: Vec<&Part> = parts.iter().filter(|part| part.distance > tolerance && part.area > 0.0).collect();
+    let missing: Vec<&Part> = parts.iter().filter(|part| part.distance > tolerance && part.gathers > 0.0).collect();
     let nodes: Vec<Node> = missing
         .iter()
-        .map(|part| Node { place: part.place, distance: part.distance, weight: part.area, reach: reach(part) })
+        .map(|part| Node { place: part.place, distance: part.distance, weight: part.gathers, reach: reach(part) })
         .collect();
     let (gathered, shares) = Gathered::of(&nodes, total, thresholds.gathered);
     let miss = |(part, share): (&&Part, f64)| Miss {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::CurvedTriangles;
 
-/// Largest part of a triangle that is judged at its middle, as a share of the area of all.
+/// Largest part of a triangle that is judged at one place, as a share of the area of all.
 ///
 /// Derived: the definition of gathered misses (docs, "What counts").
 const LARGEST_PART: f64 = 1e-4;
@@ -204,21 +204,6 @@ impl Mesh {
 ///
 /// Limit: round-off of the nearest point.
 const ON_SIDE: f64 = 1e-9;
-
-/// Calls `visit` with the barycentric coordinates of the middle of each of the `n²` parts of a triangle.
-pub(crate) fn for_each_part(n: usize, mut visit: impl FnMut([f64; 3])) {
-    let size = n as f64;
-    for j in 0..n {
-        for i in 0..n - j {
-            let (u, v) = ((i as f64 + 1.0 / 3.0) / size, (j as f64 + 1.0 / 3.0) / size);
-            visit([1.0 - u - v, u, v]);
-            if i + j + 1 < n {
-                let (u, v) = ((i as f64 + 2.0 / 3.0) / size, (j as f64 + 2.0 / 3.0) / size);
-                visit([1.0 - u - v, u, v]);
-            }
-        }
-    }
-}
 
 /// Diagonal of the bounding box.
 pub(crate) fn diagonal(points: &[[f64; 3]]) -> f64 {

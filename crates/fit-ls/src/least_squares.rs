@@ -5,7 +5,9 @@ use std::time::Instant;
 
 use adaptive::{Estimate, Solution, Solve};
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{CellSpace, HierarchicalSpace, Quadrature, SplineMap, SymmetricMatrix, SymmetricPattern, ThinPlate};
+use thb_core::{
+    Cell, CellSpace, HierarchicalSpace, Quadrature, SplineMap, SymmetricMatrix, SymmetricPattern, ThinPlate,
+};
 
 use crate::cholesky::{Cholesky, FactorizationError};
 use crate::cross_validation::{Path, by_cross_validation, by_discrepancy};
@@ -41,6 +43,23 @@ impl<const D: usize> Default for Options<D> {
     }
 }
 
+/// A box of the parameter domain in which the smoothing weight is another one: λ times `factor`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocalSmoothing<const D: usize> {
+    /// Lower corner.
+    pub lower: [f64; D],
+    /// Upper corner.
+    pub upper: [f64; D],
+    /// Factor of the smoothing weight, positive.
+    pub factor: f64,
+}
+
+impl<const D: usize> LocalSmoothing<D> {
+    fn overlaps(&self, cell: &Cell<'_, D>) -> bool {
+        (0..D).all(|d| self.lower[d] < cell.upper[d] && cell.lower[d] < self.upper[d])
+    }
+}
+
 /// Coefficients held fixed: functions, increasing, and their rows of coefficients.
 pub type Fixed = Vec<(usize, Vec<f64>)>;
 
@@ -54,6 +73,8 @@ pub struct LeastSquares<const D: usize> {
     lambda: Option<f64>,
     /// λ to be used whatever the options say.
     held: Option<f64>,
+    /// Where another λ holds.
+    local: Vec<LocalSmoothing<D>>,
     solver: Option<Cholesky>,
     /// The energy of the last space.
     energy: Option<(Arc<HierarchicalSpace<D>>, SymmetricMatrix)>,
@@ -86,6 +107,7 @@ impl<const D: usize> LeastSquares<D> {
             options,
             lambda,
             held: None,
+            local: Vec::new(),
             solver: None,
             energy: None,
             errors: Vec::new(),
@@ -123,6 +145,21 @@ impl<const D: usize> LeastSquares<D> {
     /// Uses a smoothing weight whatever the options say, or no longer.
     pub fn hold_lambda(&mut self, lambda: Option<f64>) {
         self.held = lambda;
+    }
+
+    /// Lets the smoothing weight differ from place to place (thesis §3.1.8, where λ is one number; the energy of each cell has its own
+    /// here): a cell that overlaps boxes has the largest of their factors, all others have 1. It holds for all fits that follow, in
+    /// whatever space; a weight is chosen as if it were the same everywhere.
+    pub fn smooth_locally(&mut self, boxes: Vec<LocalSmoothing<D>>) {
+        if boxes != self.local {
+            self.local = boxes;
+            self.energy = None;
+        }
+    }
+
+    /// The boxes of [`LeastSquares::smooth_locally`].
+    pub fn local_smoothing(&self) -> &[LocalSmoothing<D>] {
+        &self.local
     }
 
     /// The smoothing weight for a space, as the options say, by the points with their present weights.
@@ -220,7 +257,11 @@ impl<const D: usize> LeastSquares<D> {
         }
         let pattern = SymmetricPattern::new(space.as_ref());
         let energy = ThinPlate::scaled(space.degree(), self.options.quadrature, self.options.lengths);
-        let energy = energy.gram(space.as_ref(), &pattern)?;
+        let factor = |cell: &Cell<'_, D>| {
+            let factors = self.local.iter().filter(|local| local.overlaps(cell)).map(|local| local.factor);
+            factors.reduce(f64::max).unwrap_or(1.0)
+        };
+        let energy = energy.weighted_gram(space.as_ref(), &pattern, factor)?;
         self.energy = Some((space.clone(), energy.clone()));
         Ok(energy)
     }

@@ -51,7 +51,7 @@ pub use interpolants::{
 };
 pub use kernel::CellSums;
 pub use lambda::{Lambda, automatic_lambda};
-pub use least_squares::{Fixed, LeastSquares, Options, eliminate};
+pub use least_squares::{Fixed, LeastSquares, LocalSmoothing, Options, eliminate};
 pub use normal::{NormalEquations, PointBox, box_sums};
 pub use plain::weighted_least_squares;
 pub use reweight::{

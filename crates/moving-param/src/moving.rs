@@ -139,15 +139,12 @@ impl<const D: usize> MovingFit<D> {
             .unwrap_or_else(|| Constraints::new(self.start.view(), ([0.0; D], [1.0; D]), Boundary::Free))
     }
 
-    /// The equations of coupled steps in a space, with the smoothing weight of now.
+    /// The equations of coupled steps in a space, with the smoothing of now.
     pub(crate) fn take_system(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<StepSystem, Error> {
-        let lambda = self.fit.lambda().unwrap_or(0.0);
+        let (energy, lambda) = (self.fit.energy(space)?, self.fit.lambda().unwrap_or(0.0));
         match self.system.take() {
-            Some((known, system)) if Arc::ptr_eq(&known, space) && system.lambda() == lambda => Ok(system),
-            _ => {
-                let energy = self.fit.energy(space)?;
-                StepSystem::new(energy, lambda, self.fit.points().dim())
-            }
+            Some((known, system)) if Arc::ptr_eq(&known, space) && system.smooths_by(&energy, lambda) => Ok(system),
+            _ => StepSystem::new(energy, lambda, self.fit.points().dim()),
         }
     }
 

@@ -30,8 +30,9 @@ impl StepSystem {
         Ok(Self { energy, lambda, blocked, solver, dim })
     }
 
-    pub(crate) fn lambda(&self) -> f64 {
-        self.lambda
+    /// Whether this energy and this weight are those of the equations.
+    pub(crate) fn smooths_by(&self, energy: &SymmetricMatrix, lambda: f64) -> bool {
+        self.lambda == lambda && self.energy.values() == energy.values()
     }
 
     /// The pattern of the equations of one coordinate.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use adaptive::{Estimate, Missed, Solution, Solve};
 use deviation::{Deviation, Measured, Reason, Scan, ScanSide, Thresholds, Verdict, tessellate, verdict};
-use fit_ls::Weighted;
+use fit_ls::{LocalSmoothing, Weighted};
 use moving_param::{Boundary, Constraints, FootPointOptions, foot_points};
 use ndarray::{ArrayView2, Axis};
 use param_classic::triangulate_parameters;
@@ -131,16 +131,16 @@ impl<'a> Judge<'a> {
 
     /// The cells in which a surface passes through itself. Two sheets that do may have room enough between them, once they are nearer to
     /// the scan.
-    fn crossed(&self, map: &SplineMap<2>, measured: &Measured<'_>) -> Result<Vec<Mark>, Error> {
-        let mut places = Vec::new();
+    fn crossed(&self, map: &SplineMap<2>, measured: &Measured<'_>) -> Result<Vec<usize>, Error> {
+        let mut cells = Vec::new();
         for crossing in measured.crossings(&self.scan, self.tolerance)?.places {
             for u in crossing.parameters {
-                places.push(Mark::whole(map.space().locate_cell(map.space().to_domain(u))?));
+                cells.push(map.space().locate_cell(map.space().to_domain(u))?);
             }
         }
-        places.sort_by_key(|mark| mark.cell);
-        places.dedup();
-        Ok(places)
+        cells.sort_unstable();
+        cells.dedup();
+        Ok(cells)
     }
 }
 
@@ -151,7 +151,7 @@ struct Misses {
     /// Share of the scan's area that they are.
     share: f64,
     /// Cells in which the surface passes through itself; looked for where there are no such places.
-    crossed: Vec<Mark>,
+    crossed: Vec<usize>,
 }
 
 /// Trials with less smoothing. An automatic weight is chosen by points that are held out, all over the scan; where misses gather, it may
@@ -244,31 +244,67 @@ where
 
     /// Whether the surface is as near to the scan and no longer passes through itself with more smoothing, which is then set. Between
     /// points that hold it from one side only, at a rim or beside what the scanner did not see, a surface winds where little smooths it.
+    /// First it is smoothed round the cells in which it passes through itself, then all over.
     ///
     /// Tried by least squares at the present parameters: nothing of the method changes but its smoothing.
-    fn stiffen(&mut self, judge: &Judge<'_>, map: &SplineMap<2>) -> Result<bool, Error> {
+    fn stiffen(&mut self, judge: &Judge<'_>, map: &SplineMap<2>, crossed: &[usize]) -> Result<bool, Error> {
         let Some(before) = self.method.least_squares().lambda().filter(|_| self.stiffenings > 0) else {
             return Ok(false);
         };
         self.stiffenings -= 1;
-        let mut lambda = before;
-        for _ in 0..TRIALS {
-            lambda /= SOFTER;
-            let fit = self.method.least_squares_mut();
-            fit.hold_lambda(Some(lambda));
-            let stiffer = fit.fit(map.space())?;
-            let distances = self.distances(judge, &stiffer)?;
-            if adaptive::Deviation::new(&distances, judge.tolerance).within < self.within {
-                break;
+        let boxes = self.method.least_squares().local_smoothing().to_vec();
+        for trial in 1..=TRIALS {
+            let factor = SOFTER.powi(-(trial as i32));
+            let round = crossed.iter().map(|&cell| round_cell(map.space(), cell, factor));
+            self.method.least_squares_mut().smooth_locally(boxes.iter().copied().chain(round).collect());
+            match self.is_cured(judge, map.space())? {
+                Some(true) => {
+                    tracing::debug!(factor, "more smoothing there keeps the surface from passing through itself");
+                    return Ok(true);
+                }
+                Some(false) => (),
+                None => break,
             }
-            let Misses { places, crossed, .. } = self.misses(judge, &stiffer)?;
-            if places.is_empty() && crossed.is_empty() {
-                tracing::debug!(before, lambda, "more smoothing keeps the surface from passing through itself");
-                return Ok(true);
+        }
+        self.method.least_squares_mut().smooth_locally(boxes);
+        for trial in 1..=TRIALS {
+            let lambda = before / SOFTER.powi(trial as i32);
+            self.method.least_squares_mut().hold_lambda(Some(lambda));
+            match self.is_cured(judge, map.space())? {
+                Some(true) => {
+                    tracing::debug!(before, lambda, "more smoothing keeps the surface from passing through itself");
+                    return Ok(true);
+                }
+                Some(false) => (),
+                None => break,
             }
         }
         self.method.least_squares_mut().hold_lambda(Some(before));
         Ok(false)
+    }
+
+    /// Whether least squares with the present smoothing miss nothing and do not pass through themselves; `None` where fewer points than
+    /// asked for are near enough.
+    fn is_cured(&mut self, judge: &Judge<'_>, space: &Arc<HierarchicalSpace<2>>) -> Result<Option<bool>, Error> {
+        let surface = self.method.least_squares_mut().fit(space)?;
+        let distances = self.distances(judge, &surface)?;
+        if adaptive::Deviation::new(&distances, judge.tolerance).within < self.within {
+            return Ok(None);
+        }
+        let Misses { places, crossed, .. } = self.misses(judge, &surface)?;
+        Ok(Some(places.is_empty() && crossed.is_empty()))
+    }
+}
+
+/// A box of `factor` times the smoothing round a cell: the cell and one of its size on either side, for the functions of a cell reach
+/// into its neighbours.
+fn round_cell(space: &HierarchicalSpace<2>, cell: usize, factor: f64) -> LocalSmoothing<2> {
+    let cell = space.cell(cell);
+    let size = cell.size();
+    LocalSmoothing {
+        lower: std::array::from_fn(|d| cell.lower[d] - size[d]),
+        upper: std::array::from_fn(|d| cell.upper[d] + size[d]),
+        factor,
     }
 }
 
@@ -314,7 +350,10 @@ where
         if crossed.is_empty() {
             return Ok(Missed::Nothing);
         }
-        Ok(if self.stiffen(judge, map)? { Missed::Again } else { Missed::Places(crossed) })
+        if self.stiffen(judge, map, &crossed)? {
+            return Ok(Missed::Again);
+        }
+        Ok(Missed::Places(crossed.into_iter().map(Mark::whole).collect()))
     }
 
     fn refine(

@@ -93,6 +93,19 @@ impl<const D: usize> ThinPlate<D> {
     /// # Errors
     /// [`Error::Shape`] if the degree is not that of the space.
     pub fn gram<S: CellSpace<D>>(&self, space: &S, pattern: &SymmetricPattern) -> Result<SymmetricMatrix, Error> {
+        self.weighted_gram(space, pattern, |_| 1.0)
+    }
+
+    /// As [`ThinPlate::gram`] with the energy of each cell times its `weight`: G of `Σ_cells weight(cell) ∫_cell |D²s|²`.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the degree is not that of the space.
+    pub fn weighted_gram<S: CellSpace<D>>(
+        &self,
+        space: &S,
+        pattern: &SymmetricPattern,
+        weight: impl Fn(&Cell<'_, D>) -> f64 + Sync,
+    ) -> Result<SymmetricMatrix, Error> {
         for d in 0..D {
             if self.degree[d] != space.degree()[d] {
                 return Err(Error::Shape { what: "degree", given: self.degree[d], expected: space.degree()[d] });
@@ -105,8 +118,12 @@ impl<const D: usize> ThinPlate<D> {
                 .clone()
                 .into_par_iter()
                 .map_init(Vec::new, |scratch, number| {
-                    let mut local = Vec::new();
-                    self.cell_matrix(&space.cell(number), &mut local, scratch);
+                    let (mut local, cell) = (Vec::new(), space.cell(number));
+                    self.cell_matrix(&cell, &mut local, scratch);
+                    let weight = weight(&cell);
+                    if weight != 1.0 {
+                        local.iter_mut().for_each(|g| *g *= weight);
+                    }
                     local
                 })
                 .collect();
