@@ -32,6 +32,16 @@ const TRIALS: usize = 3;
 /// Limit: each time costs up to [`TRIALS`] solutions on the same space.
 const STIFFENINGS: usize = 2;
 
+/// How often in a fit the cells are refined in which the surface passes through itself.
+///
+/// Limit: where two sheets find no room between them by then, further cells only wind more.
+const OPENINGS: usize = 3;
+
+/// Trials with more smoothing in some cells at a time.
+///
+/// Limit: as above.
+const LOCAL_TRIALS: usize = 6;
+
 /// Share of the misses that a trial may leave for the weight to stay.
 const HELPS: f64 = 0.5;
 
@@ -200,6 +210,10 @@ pub(crate) struct Judged<'a, S> {
     softening: Softening,
     /// How often more smoothing may be tried where the surface passes through itself.
     stiffenings: usize,
+    /// How often the cells may be refined in which it does.
+    openings: usize,
+    /// A surface that more smoothing has cured, until it is the solution.
+    cured: Option<SplineMap<2>>,
 }
 
 impl<'a, S> Judged<'a, S> {
@@ -207,7 +221,16 @@ impl<'a, S> Judged<'a, S> {
     pub(crate) fn new(method: S, judge: Option<&'a Judge<'a>>, within: f64, softens: bool) -> Self {
         let softening = Softening { trials: if softens { TRIALS } else { 0 }, before: None };
         let stiffenings = if softens { STIFFENINGS } else { 0 };
-        Self { method, judge, within, errors: Vec::new(), softening, stiffenings }
+        Self {
+            method,
+            judge,
+            within,
+            errors: Vec::new(),
+            softening,
+            stiffenings,
+            openings: OPENINGS,
+            cured: None,
+        }
     }
 }
 
@@ -246,23 +269,26 @@ where
     /// points that hold it from one side only, at a rim or beside what the scanner did not see, a surface winds where little smooths it.
     /// First it is smoothed round the cells in which it passes through itself, then all over.
     ///
-    /// Tried by least squares at the present parameters: nothing of the method changes but its smoothing.
+    /// Tried by least squares at the present parameters: nothing of the method changes but its smoothing, and what cures the surface is
+    /// the next solution as it is.
     fn stiffen(&mut self, judge: &Judge<'_>, map: &SplineMap<2>, crossed: &[usize]) -> Result<bool, Error> {
         let Some(before) = self.method.least_squares().lambda().filter(|_| self.stiffenings > 0) else {
             return Ok(false);
         };
         self.stiffenings -= 1;
         let boxes = self.method.least_squares().local_smoothing().to_vec();
-        for trial in 1..=TRIALS {
-            let factor = SOFTER.powi(-(trial as i32));
-            let round = crossed.iter().map(|&cell| round_cell(map.space(), cell, factor));
-            self.method.least_squares_mut().smooth_locally(boxes.iter().copied().chain(round).collect());
-            match self.is_cured(judge, map.space())? {
-                Some(true) => {
-                    tracing::debug!(factor, "more smoothing there keeps the surface from passing through itself");
+        let mut cells = crossed.to_vec();
+        for trial in 1..=LOCAL_TRIALS {
+            let fit = self.method.least_squares_mut();
+            let mut more = fit.local_smoothing().to_vec();
+            more.extend(cells.iter().map(|&cell| stiffer_round(map.space(), cell, fit.local_smoothing())));
+            fit.smooth_locally(more);
+            match self.crossed_when_fitted(judge, map.space())? {
+                Some(crossed) if crossed.is_empty() => {
+                    tracing::debug!(trial, "more smoothing there keeps the surface from passing through itself");
                     return Ok(true);
                 }
-                Some(false) => (),
+                Some(crossed) => cells = crossed,
                 None => break,
             }
         }
@@ -270,12 +296,12 @@ where
         for trial in 1..=TRIALS {
             let lambda = before / SOFTER.powi(trial as i32);
             self.method.least_squares_mut().hold_lambda(Some(lambda));
-            match self.is_cured(judge, map.space())? {
-                Some(true) => {
+            match self.crossed_when_fitted(judge, map.space())? {
+                Some(crossed) if crossed.is_empty() => {
                     tracing::debug!(before, lambda, "more smoothing keeps the surface from passing through itself");
                     return Ok(true);
                 }
-                Some(false) => (),
+                Some(_) => (),
                 None => break,
             }
         }
@@ -283,28 +309,38 @@ where
         Ok(false)
     }
 
-    /// Whether least squares with the present smoothing miss nothing and do not pass through themselves; `None` where fewer points than
-    /// asked for are near enough.
-    fn is_cured(&mut self, judge: &Judge<'_>, space: &Arc<HierarchicalSpace<2>>) -> Result<Option<bool>, Error> {
+    /// The cells in which least squares with the present smoothing pass through themselves; `None` where they are not as near to the scan
+    /// as asked.
+    fn crossed_when_fitted(
+        &mut self,
+        judge: &Judge<'_>,
+        space: &Arc<HierarchicalSpace<2>>,
+    ) -> Result<Option<Vec<usize>>, Error> {
         let surface = self.method.least_squares_mut().fit(space)?;
         let distances = self.distances(judge, &surface)?;
         if adaptive::Deviation::new(&distances, judge.tolerance).within < self.within {
             return Ok(None);
         }
         let Misses { places, crossed, .. } = self.misses(judge, &surface)?;
-        Ok(Some(places.is_empty() && crossed.is_empty()))
+        tracing::debug!(missed = places.len(), crossed = crossed.len(), "tried more smoothing");
+        if places.is_empty() && crossed.is_empty() {
+            self.cured = Some(surface);
+        }
+        Ok(places.is_empty().then_some(crossed))
     }
 }
 
-/// A box of `factor` times the smoothing round a cell: the cell and one of its size on either side, for the functions of a cell reach
+/// A box of ten times the smoothing that a cell has: round the cell and one of its size on either side, for the functions of a cell reach
 /// into its neighbours.
-fn round_cell(space: &HierarchicalSpace<2>, cell: usize, factor: f64) -> LocalSmoothing<2> {
+fn stiffer_round(space: &HierarchicalSpace<2>, cell: usize, boxes: &[LocalSmoothing<2>]) -> LocalSmoothing<2> {
     let cell = space.cell(cell);
     let size = cell.size();
+    let (lower, upper) = (cell.lower, cell.upper);
+    let now = boxes.iter().filter(|b| (0..2).all(|d| b.lower[d] < upper[d] && lower[d] < b.upper[d])).map(|b| b.factor);
     LocalSmoothing {
-        lower: std::array::from_fn(|d| cell.lower[d] - size[d]),
-        upper: std::array::from_fn(|d| cell.upper[d] + size[d]),
-        factor,
+        lower: std::array::from_fn(|d| lower[d] - size[d]),
+        upper: std::array::from_fn(|d| upper[d] + size[d]),
+        factor: now.fold(1.0, f64::max) / SOFTER,
     }
 }
 
@@ -320,6 +356,10 @@ where
         space: &Arc<HierarchicalSpace<2>>,
         previous: Option<&SplineMap<2>>,
     ) -> Result<Solution<2>, Error> {
+        // What moves parameters could undo the cure.
+        if let Some(map) = self.cured.take().filter(|map| Arc::ptr_eq(map.space(), space)) {
+            return Ok(Solution { map, assemble_seconds: 0.0, solve_seconds: 0.0 });
+        }
         Ok(self.method.solve(space, previous)?)
     }
 
@@ -353,6 +393,10 @@ where
         if self.stiffen(judge, map, &crossed)? {
             return Ok(Missed::Again);
         }
+        if self.openings == 0 {
+            return Ok(Missed::Nothing);
+        }
+        self.openings -= 1;
         Ok(Missed::Places(crossed.into_iter().map(Mark::whole).collect()))
     }
 
