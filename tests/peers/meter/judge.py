@@ -25,6 +25,8 @@ MOST_SPACING = 3.0
 COVERED_SPACINGS = 1.0
 # Farther than so many spacings from the nearest point the surface lies beyond the outline or over a hole.
 BEYOND_SPACINGS = 2.0
+# Triangles with the farthest samples and vertices, in which more places are taken, and how many in each.
+FARTHEST, AGAIN = 300, 100
 # A place lies on an outline if it is that near to it, as a share of the diagonal.
 ON_OUTLINE = 1e-6
 
@@ -98,6 +100,19 @@ def gathered_points(points, spacing, weights, distances, tolerance):
     return patches(len(miss), (one[near], other[near]), weights[miss], distances[miss], points[miss])
 
 
+def places_again(triangles, which, distances, at_vertices, seed):
+    """Further places in the triangles of the farthest samples (`which` triangle each is in) and vertices: the largest
+    distance lies between them. Triangles and barycentric coordinates."""
+    of_samples = which[np.argsort(-distances)[:FARTHEST]]
+    vertices = np.zeros(triangles.max() + 1, dtype=bool)
+    vertices[np.argsort(-at_vertices)[: FARTHEST // 6]] = True
+    of_vertices = np.flatnonzero(vertices[triangles].any(axis=1))
+    chosen = np.repeat(np.unique(np.concatenate([of_samples, of_vertices])), AGAIN)
+    random = np.random.default_rng(seed)
+    r, s = np.sqrt(random.random(len(chosen))), random.random(len(chosen))
+    return chosen, np.column_stack([1 - r, r * (1 - s), r * s])
+
+
 def spacing_of(points):
     """Mean distance of each point to its six nearest neighbours."""
     apart, _ = cKDTree(points).query(points, k=NEIGHBOURS + 1)
@@ -126,17 +141,27 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
     # From the scan.
     which, weights = facets.sample(points, triangles, count, seed)
     places = facets.at(points, triangles, which, weights)
-    height = facets.curved_height(points, triangles, corners, which, weights, most)
-    flat, near_triangle, near = to_surface(places)
-    to_band = facets.distances_to_band(places, flat, normals[which], height, to_surface)
+
+    def from_scan(places, which, weights):
+        flat, near_triangle, near = to_surface(places)
+        height = facets.curved_height(points, triangles, corners, which, weights, most)
+        return flat, near_triangle, near, facets.distances_to_band(places, flat, normals[which], height, to_surface)
+
+    flat, near_triangle, near, to_band = from_scan(places, which, weights)
     used = np.unique(triangles)
     at_vertices = to_surface(points[used])[0]
-    vertices = (at_vertices, points[used])
+    of_all = np.full(len(points), -1.0)
+    of_all[used] = at_vertices
+    more, more_weights = places_again(triangles, which, to_band, of_all, seed)
+    more_places = facets.at(points, triangles, more, more_weights)
+    further = from_scan(more_places, more, more_weights)
+    vertices = (np.concatenate([at_vertices, further[3]]), np.concatenate([points[used], more_places]))
     result = dict(
         sagitta_p95=float(np.quantile(np.abs(facets.curved_height(points, triangles, corners, which, weights)), 0.95)),
         scan_to_surface=statistics(to_band, places, tolerance, others=vertices),
         points=statistics(at_vertices, points[used], tolerance),
     )
+    around = (places, which)
     facet_figures = dict(scan_to_surface=statistics(flat, places, tolerance, others=vertices))
 
     # Coverage of the scan.
@@ -159,16 +184,27 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
         )
     result["gathered"] = gathered_parts(middles, sizes, missing, tolerance)
 
-    # From the surface, its samples first and its vertices behind them: these count for the largest only.
+    # From the surface: its samples first, behind them what counts for the largest only, its vertices and further places.
+    nearest_on_scan = facets.searcher(points, triangles)
+    outline = facets.boundary(points, triangles)
+
+    def from_surface(places):
+        distance, nearest_facet, near = nearest_on_scan(places)
+        inside = facets.distance_to_lines(near, outline) > ON_OUTLINE * diagonal
+        side = np.where(dot(places - near, normals[nearest_facet]) < 0, -1.0, 1.0)
+        at_near = facets.barycentric(points, triangles, nearest_facet, near)
+        height = facets.curved_height(points, triangles, corners, nearest_facet, at_near, most)
+        return distance, nearest_facet, inside, at_near, facets.outside_band(side * distance, height)
+
     which, weights = facets.sample(surface.points, surface.triangles, count, seed + 1)
     places = np.concatenate([facets.at(surface.points, surface.triangles, which, weights), surface.points])
-    distance, nearest_facet, near = facets.searcher(points, triangles)(places)
-    outline = facets.boundary(points, triangles)
-    inside = facets.distance_to_lines(near, outline) > ON_OUTLINE * diagonal
-    side = np.where(dot(places - near, normals[nearest_facet]) < 0, -1.0, 1.0)
-    at_near = facets.barycentric(points, triangles, nearest_facet, near)
-    height = facets.curved_height(points, triangles, corners, nearest_facet, at_near, most)
-    banded = facets.outside_band(side * distance, height)
+    found = from_surface(places)
+    counted = np.where(found[2], found[4], 0.0)
+    more, more_weights = places_again(surface.triangles, which, counted[:count], counted[count:], seed)
+    more_places = facets.at(surface.points, surface.triangles, more, more_weights)
+    found = [np.concatenate(pair) for pair in zip(found, from_surface(more_places))]
+    places = np.concatenate([places, more_places])
+    distance, nearest_facet, inside, at_near, banded = found
     samples, extra = inside[:count], inside[count:]
     for kind, figures in ((banded, result), (distance, facet_figures)):
         others = (kind[count:][extra], places[count:][extra])
@@ -180,14 +216,25 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
     result["facets"], result["coverage"] = facet_figures, coverage
 
     result["folds"] = folds(
-        points, triangles, nearest_facet[:count], at_near[:count], samples, places[:count], surface_normals[which]
+        points,
+        triangles,
+        nearest_facet[:count],
+        at_near[:count],
+        samples,
+        places[:count],
+        surface_normals[which],
+        distance[:count],
+        tolerance,
+        around,
     )
     return result
 
 
-def folds(points, triangles, nearest_facet, weights, inside, places, normals):
+def folds(points, triangles, nearest_facet, weights, inside, places, normals, distances, tolerance, around):
     """Share of the surface inside the outline whose normal is more than 90 degrees from that of the scan at the nearest
-    point, which is blended from the vertices. Each connected part of the scan may be oriented either way."""
+    point, which is blended from the vertices, and from those of facets no farther away by more than the tolerance:
+    `around` are places all over the scan and the facets that they are on. Each connected part of the scan may be oriented
+    either way."""
     oriented, part = igl.bfs_orient(triangles)
     doubled = facets.doubled_normals(points, oriented)
     sums = np.column_stack(
@@ -200,7 +247,16 @@ def folds(points, triangles, nearest_facet, weights, inside, places, normals):
     cosine = dot(scan_normals, normals)
     of_part = part[nearest_facet]
     majority = np.bincount(of_part[inside], np.sign(cosine[inside]), minlength=part.max() + 1)
-    against = inside & (cosine * np.where(majority[of_part] < 0, -1, 1) < 0)
+    facing = np.where(majority[of_part] < 0, -1, 1)
+    against = inside & (cosine * facing < 0)
+    # At a sharp edge the surface may cut the corner by the tolerance, and the nearest facet is the other face's: a facet
+    # round the place that faces as the surface does is enough.
+    scan_places, scan_facets = around
+    tree = cKDTree(scan_places)
+    suspects = np.flatnonzero(against)
+    facet_normals = unit(facets.doubled_normals(points, oriented))
+    for k, near in zip(suspects, tree.query_ball_point(places[suspects], distances[suspects] + tolerance)):
+        against[k] = not (facet_normals[scan_facets[near]] @ normals[k] * facing[k] >= 0).any()
     place = None
     if against.any():
         # A place of the largest group, roughly: the one with most others near it.
@@ -230,10 +286,19 @@ def judge_cloud(points, surface, tolerance, count, seed):
     )
     which, sides = facets.sample(surface.points, surface.triangles, count, seed + 1)
     places = np.concatenate([facets.at(surface.points, surface.triangles, which, sides), surface.points])
-    away, nearest_point = cKDTree(points).query(places)
-    there = spacing[nearest_point]
-    excess = np.maximum(0.0, away - COVERED_SPACINGS * there)
-    outside = (away > BEYOND_SPACINGS * there) & (excess > tolerance)
+    tree = cKDTree(points)
+
+    def from_surface(places):
+        away, nearest_point = tree.query(places)
+        there = spacing[nearest_point]
+        excess = np.maximum(0.0, away - COVERED_SPACINGS * there)
+        return away, excess, (away > BEYOND_SPACINGS * there) & (excess > tolerance)
+
+    found = from_surface(places)
+    more, more_sides = places_again(surface.triangles, which, found[1][:count], found[1][count:], seed)
+    more_places = facets.at(surface.points, surface.triangles, more, more_sides)
+    away, excess, outside = (np.concatenate(pair) for pair in zip(found, from_surface(more_places)))
+    places = np.concatenate([places, more_places])
     others = (excess[count:], places[count:])
     result["surface_to_scan"] = statistics(excess[:count], places[:count], tolerance, others=others)
     result["coverage"] = dict(
