@@ -275,9 +275,7 @@ impl<'a> Measured<'a> {
     /// [`Error::Space`].
     pub fn crossings(&self, scan: &Scan<'_>, tolerance: f64) -> Result<Crossings, Error> {
         let mut crossings = self_crossings(self.map, self.tessellation, 0.0)?;
-        if let Kind::Mesh(mesh) = &scan.kind {
-            crossings.forgive(scan.points, mesh.curved.triangles(), tolerance);
-        }
+        crossings.forgive(scan.points, scan.sheet(), tolerance);
         Ok(crossings)
     }
 

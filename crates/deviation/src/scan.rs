@@ -56,6 +56,8 @@ pub(crate) struct Cloud<'a> {
     pub(crate) weights: Vec<f64>,
     /// Triangles over the points that are no scan, but tell which way it faces.
     pub(crate) spanned: Option<Box<Mesh>>,
+    /// Whether these join points that are neighbours for certain.
+    neighbours_are_known: bool,
 }
 
 impl<'a> Scan<'a> {
@@ -73,18 +75,31 @@ impl<'a> Scan<'a> {
         let weights = spacing.iter().map(|s| s.min(MAX_SPACING * median).powi(2)).collect();
         Ok(Self {
             points,
-            kind: Kind::Cloud(Box::new(Cloud { tree, spacing, weights, spanned: None })),
+            kind: Kind::Cloud(Box::new(Cloud { tree, spacing, weights, spanned: None, neighbours_are_known: false })),
             diagonal: diagonal(points),
         })
     }
 
-    /// The same with triangles that were spanned over the points: they tell where a surface is folded, and where the scan passes through
-    /// itself; distances are to the points alone. Nothing changes for a mesh, nor by triangles without area.
-    pub fn with_spanned(mut self, triangles: &[[u32; 3]]) -> Self {
+    /// The same with triangles that were spanned over the points: they tell where a surface is folded; distances are to the points alone.
+    /// Where `neighbours_are_known`, as in a grid or by given parameters, they also tell where the scan passes through itself; where
+    /// they were guessed from the points, nothing tells that. Nothing changes for a mesh, nor by triangles without area.
+    pub fn with_spanned(mut self, triangles: &[[u32; 3]], neighbours_are_known: bool) -> Self {
         if let Kind::Cloud(cloud) = &mut self.kind {
             cloud.spanned = Mesh::new(self.points, triangles).map(Box::new);
+            cloud.neighbours_are_known = neighbours_are_known;
         }
         self
+    }
+
+    /// The triangles that tell where the scan passes through itself.
+    pub(crate) fn sheet(&self) -> &[[u32; 3]] {
+        match &self.kind {
+            Kind::Mesh(mesh) => mesh.curved.triangles(),
+            Kind::Cloud(cloud) => match &cloud.spanned {
+                Some(mesh) if cloud.neighbours_are_known => mesh.curved.triangles(),
+                _ => &[],
+            },
+        }
     }
 
     /// A mesh, whose triangles name `points`. One without area is a cloud.

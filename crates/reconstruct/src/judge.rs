@@ -81,7 +81,7 @@ impl Judgement {
 
 impl<'a> Judge<'a> {
     /// A judge by points, and by the triangles over them if they are what was scanned. Triangles that were spanned over the points tell
-    /// folds and where the scan passes through itself; points in order have those of their parameters.
+    /// folds; points in order have those of their parameters, which also tell where the scan passes through itself.
     pub(crate) fn new(
         points: &'a [[f64; 3]],
         triangles: &[[u32; 3]],
@@ -93,9 +93,9 @@ impl<'a> Judge<'a> {
         let scan = if is_mesh && !triangles.is_empty() {
             Scan::mesh(points, triangles)?
         } else if triangles.is_empty() && points.len() <= MOST_IN_ORDER {
-            Scan::cloud(points)?.with_spanned(&triangulate_parameters(parameters).unwrap_or_default())
+            Scan::cloud(points)?.with_spanned(&triangulate_parameters(parameters).unwrap_or_default(), true)
         } else {
-            Scan::cloud(points)?.with_spanned(triangles)
+            Scan::cloud(points)?.with_spanned(triangles, false)
         };
         Ok(Self { scan, tolerance, thresholds: Thresholds { within, ..Thresholds::default() } })
     }

@@ -7,6 +7,7 @@ use ndarray::Array2;
 use thb_core::{HierarchicalSpace, Kind, KnotVector};
 
 use super::*;
+use crate::testing::{Random, interpolated};
 
 /// A surface of degree 3 with `n × n` elements whose control points are those of `at` at the Greville sites.
 fn surface(n: usize, at: impl Fn(f64, f64) -> [f64; 3]) -> SplineMap<2> {
@@ -161,6 +162,33 @@ fn parameters_to_start_from_change_nothing() {
             measure(&map, &scan, Some(parameters.view()), 0.005, &Thresholds::default()).unwrap().scan_to_surface;
         for (a, b) in [(free.within, started.within), (free.rms, started.rms), (free.max, started.max)] {
             assert!((a - b).abs() < 1e-6 * a, "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn a_surface_may_pass_through_itself_where_the_scan_does() {
+    // Sweeps of a lemniscate: the sheet passes through itself along the middle of its length, at x = y = 0. Families of widths,
+    // heights and slants; as a mesh, as a cloud of known neighbours, and as a mere cloud.
+    let mut random = Random::new(5);
+    for case in 0..12 {
+        let (width, height, slant) = (random.between(0.5, 2.0), random.between(0.3, 1.0), random.between(-0.4, 0.4));
+        let sweep = |u: f64, v: f64| {
+            let t = -0.5 + 4.2 * u;
+            [width * t.sin(), height * (2.0 * t).sin() + slant * v, 2.0 * v]
+        };
+        let (map, (points, triangles)) = (interpolated([24, 3], [false, false], sweep), grid(60, sweep));
+        let tessellation = tessellate(&map, 0.01).unwrap();
+        let found = crate::self_crossings(&map, &tessellation, 0.0).unwrap();
+        assert!(found.places.len() == 1 && found.places[0].extent > 1.9, "case {case}: {found:?}");
+        let [x, y, z] = found.places[0].place;
+        assert!(x.abs() < 0.02 && (y - 0.5 * slant * z).abs() < 0.02, "case {case}: {:?}", found.places[0]);
+        let cloud = |known: bool| Scan::cloud(&points).unwrap().with_spanned(&triangles, known);
+        for (scan, places) in [(Scan::mesh(&points, &triangles).unwrap(), 0), (cloud(true), 0), (cloud(false), 1)] {
+            let found = deviation(&map, &scan, 0.01);
+            assert_eq!(found.crossings.places.len(), places, "case {case}");
+            let fails = Thresholds::default().reasons(&found).iter().any(|reason| reason.code == "crosses-itself");
+            assert_eq!(fails, places > 0);
         }
     }
 }
