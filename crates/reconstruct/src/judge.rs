@@ -29,8 +29,8 @@ const TRIALS: usize = 3;
 
 /// How often in a fit more smoothing is tried against a surface that passes through itself.
 ///
-/// Limit: each time costs up to [`TRIALS`] solutions on the same space.
-const STIFFENINGS: usize = 2;
+/// Limit: each time costs up to [`LOCAL_TRIALS`] and [`TRIALS`] solutions on the same space.
+const STIFFENINGS: usize = 3;
 
 /// How often in a fit the cells are refined in which the surface passes through itself.
 ///
@@ -116,8 +116,14 @@ impl<'a> Judge<'a> {
     }
 
     /// Where a surface misses the scan: all parts beyond the tolerance where less than the share `within` of the scan's area is within
-    /// it, else the patches of misses that are too large; without any, where it passes through itself.
-    fn misses(&self, map: &SplineMap<2>, parameters: ArrayView2<'_, f64>, within: f64) -> Result<Misses, Error> {
+    /// it, else the patches of misses that are too large; without any, or if it `looks_on`, where it passes through itself.
+    fn misses(
+        &self,
+        map: &SplineMap<2>,
+        parameters: ArrayView2<'_, f64>,
+        within: f64,
+        looks_on: bool,
+    ) -> Result<Misses, Error> {
         let tessellation = tessellate(map, self.tolerance)?;
         let measured = Measured::new(map, &tessellation)?;
         let ScanSide { distances, gathered, mut misses, .. } =
@@ -135,8 +141,8 @@ impl<'a> Judge<'a> {
                 places.push(Mark { cell: miss.cell, child: Some(child) });
             }
         }
-        let crossed = if places.is_empty() { self.crossed(map, &measured)? } else { Vec::new() };
-        Ok(Misses { places, share: if lacks { 1.0 - distances.within } else { gathered.total }, crossed })
+        let crossed = if places.is_empty() || looks_on { self.crossed(map, &measured)? } else { Vec::new() };
+        Ok(Misses { places, lacks, share: if lacks { 1.0 - distances.within } else { gathered.total }, crossed })
     }
 
     /// The cells in which a surface passes through itself. Two sheets that do may have room enough between them, once they are nearer to
@@ -158,6 +164,8 @@ impl<'a> Judge<'a> {
 struct Misses {
     /// The places of the surface nearest to the misses, the worst first.
     places: Vec<Mark>,
+    /// Whether less of the scan's area is within the tolerance than asked for.
+    lacks: bool,
     /// Share of the scan's area that they are.
     share: f64,
     /// Cells in which the surface passes through itself; looked for where there are no such places.
@@ -260,9 +268,9 @@ where
         Ok(distances)
     }
 
-    fn misses(&self, judge: &Judge<'_>, map: &SplineMap<2>) -> Result<Misses, Error> {
+    fn misses(&self, judge: &Judge<'_>, map: &SplineMap<2>, looks_on: bool) -> Result<Misses, Error> {
         let parameters = self.method.least_squares().points().parameters_as_given();
-        judge.misses(map, parameters.slice_axis(Axis(0), (..judge.scan.len()).into()), self.within)
+        judge.misses(map, parameters.slice_axis(Axis(0), (..judge.scan.len()).into()), self.within, looks_on)
     }
 
     /// Whether the surface is as near to the scan and no longer passes through itself with more smoothing, which is then set. Between
@@ -309,8 +317,8 @@ where
         Ok(false)
     }
 
-    /// The cells in which least squares with the present smoothing pass through themselves; `None` where they are not as near to the scan
-    /// as asked.
+    /// The cells in which least squares with the present smoothing pass through themselves, without any of which they are the next
+    /// solution; `None` where they are not as near to the scan as asked.
     fn crossed_when_fitted(
         &mut self,
         judge: &Judge<'_>,
@@ -321,12 +329,16 @@ where
         if adaptive::Deviation::new(&distances, judge.tolerance).within < self.within {
             return Ok(None);
         }
-        let Misses { places, crossed, .. } = self.misses(judge, &surface)?;
-        tracing::debug!(missed = places.len(), crossed = crossed.len(), "tried more smoothing");
-        if places.is_empty() && crossed.is_empty() {
+        let Misses { places, lacks, crossed, .. } = self.misses(judge, &surface, true)?;
+        tracing::debug!(missed = places.len(), lacks, crossed = crossed.len(), "tried more smoothing");
+        if lacks {
+            return Ok(None);
+        }
+        // Misses that gather now find cells of their own.
+        if crossed.is_empty() {
             self.cured = Some(surface);
         }
-        Ok(places.is_empty().then_some(crossed))
+        Ok(Some(crossed))
     }
 }
 
@@ -377,7 +389,7 @@ where
 
     fn missed(&mut self, map: &SplineMap<2>) -> Result<Missed, Error> {
         let Some(judge) = self.judge else { return Ok(self.method.missed(map)?) };
-        let Misses { places, share, crossed } = self.misses(judge, map)?;
+        let Misses { places, share, crossed, .. } = self.misses(judge, map, false)?;
         if let Some(change) = self.softening.next(self.method.least_squares().lambda(), share) {
             self.method.least_squares_mut().hold_lambda(Some(change.lambda));
             if change.solves_again {
@@ -391,6 +403,7 @@ where
             return Ok(Missed::Nothing);
         }
         if self.stiffen(judge, map, &crossed)? {
+            self.softening.trials = 0;
             return Ok(Missed::Again);
         }
         if self.openings == 0 {

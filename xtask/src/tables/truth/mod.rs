@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use reconstruct::{FitOptions, OutputPaths, Tolerance, fit_file, write_outputs};
+use reconstruct::{Event, FitOptions, OutputPaths, Tolerance, fit_file, write_outputs};
 use serde_json::Value;
 
 use super::markdown::table;
@@ -25,6 +25,9 @@ const PERCENTS: [f64; 2] = [0.5, 0.1];
 const EXIT_SUCCESS: u8 = 0;
 const EXIT_ERROR: u8 = 1;
 const EXIT_FAILED: u8 = 3;
+
+/// CPU seconds after which a fit ends with the surface of then.
+const LIMIT_SECONDS: f64 = 600.0;
 
 /// The meter, below the root of the workspace.
 const METER: &str = "tests/peers/measure_step.py";
@@ -147,7 +150,9 @@ fn commit(root: &Path) -> String {
 fn fitted(file: &str, path: &Path, percent: f64, step: &Path, python: &Path, meter: &Path) -> Row {
     let options = FitOptions { tol: Tolerance::Percent(percent), ..FitOptions::default() };
     let clock = Clock::start();
-    let fit = fit_file(path, &options, &mut |_| ControlFlow::Continue(()));
+    let in_time =
+        |_: Event<'_>| if clock.seconds() < LIMIT_SECONDS { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+    let fit = fit_file(path, &options, &mut { in_time });
     let seconds = clock.seconds();
     let mut row = Row {
         file: file.to_owned(),
@@ -318,7 +323,8 @@ with the product; its head defines the figures.
 the surface / from the surface to the scan; *largest* is in tolerances, likewise. The others are reported / measured: *box* is the
 diagonal of the surface's box in diagonals of the scan's; *crossings* counts pairs of triangles that pass through each other (on
 other triangles, so that only none and some compare); *largest patch* is the largest connected part of the scan beyond the
-tolerance, in percent of its area. A dash stands for what is not known.
+tolerance, in percent of its area. A dash stands for what is not known. A fit is ended after ten minutes of CPU time,
+with the surface of then.
 
 Exit code 0 promises: 94 % of the scan within (0.95 are asked for, 0.01 is the accuracy of the measure); of a mesh, 94 % of the
 surface inside the outline and not over holes; at most 1 % of the scan beyond the rim; a box of at most 1.05; no crossing; at
