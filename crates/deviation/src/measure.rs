@@ -342,7 +342,8 @@ impl<'a> Measured<'a> {
             let size = (part.gathers.max(part.area) / mesh.curved.areas()[t]).sqrt();
             Some(At { triangle: part.triangle, weights, distance: part.distance, size })
         };
-        let known = parts.chunk_by(|a, b| a.triangle == b.triangle).filter_map(|of_one| at(farthest_of(of_one)?)).collect();
+        let known =
+            parts.chunk_by(|a, b| a.triangle == b.triangle).filter_map(|of_one| at(farthest_of(of_one)?)).collect();
         let highest = farthest(known, &|t, w| judged(t as usize, w, 0.0).distance);
         parts.extend(highest.map(|at| judged(at.triangle as usize, at.weights, 0.0)));
         // Vertices have no area, but may be the farthest places.
@@ -373,7 +374,7 @@ impl<'a> Measured<'a> {
     fn cloud_to_surface(
         &self,
         points: &[[f64; 3]],
-        cloud: &Cloud<'_>,
+        cloud: &Cloud,
         parameter: &(dyn Fn(u32) -> Option<[f64; 2]> + Sync),
         tolerance: f64,
         thresholds: &Thresholds,
@@ -478,9 +479,9 @@ impl<'a> Measured<'a> {
         }
     }
 
-    fn surface_to_cloud(&self, cloud: &Cloud<'_>, tolerance: f64) -> SurfaceSide {
+    fn surface_to_cloud(&self, cloud: &Cloud, tolerance: f64) -> SurfaceSide {
         let part = |place: [f64; 3], _: u32, _: [f64; 3], area: f64| {
-            let (distance, nearest) = cloud.tree.closest(place);
+            let (distance, nearest) = cloud.tree.nearest(place);
             ((distance - cloud.spacing[nearest as usize]).max(0.0), area, place, distance)
         };
         let found = self.parts(&part, &|found| found.0);

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use point_cloud::vec3::{dot, norm, sub};
-use point_cloud::{CloudError, CloudTree, SPACING_NEIGHBOURS, TriangleTree};
+use point_cloud::{CloudError, CloudTree, PointTree, SPACING_NEIGHBOURS, TriangleTree};
 use rayon::prelude::*;
 
 use crate::CurvedTriangles;
@@ -26,13 +26,13 @@ const MAX_SPACING: f64 = 3.0;
 /// A scan: triangles where it has some, else points.
 pub struct Scan<'a> {
     pub(crate) points: &'a [[f64; 3]],
-    pub(crate) kind: Kind<'a>,
+    pub(crate) kind: Kind,
     diagonal: f64,
 }
 
-pub(crate) enum Kind<'a> {
+pub(crate) enum Kind {
     Mesh(Box<Mesh>),
-    Cloud(Box<Cloud<'a>>),
+    Cloud(Box<Cloud>),
 }
 
 /// The triangles of a scan.
@@ -48,8 +48,8 @@ pub(crate) struct Mesh {
 }
 
 /// The points of a scan without triangles.
-pub(crate) struct Cloud<'a> {
-    pub(crate) tree: CloudTree<'a>,
+pub(crate) struct Cloud {
+    pub(crate) tree: PointTree,
     /// Mean distance of each point to its neighbours.
     pub(crate) spacing: Vec<f64>,
     /// Weight of each point in shares and means: the square of its spacing, which is at most three medians.
@@ -66,16 +66,22 @@ impl<'a> Scan<'a> {
     /// # Errors
     /// [`CloudError::TooFewPoints`].
     pub fn cloud(points: &'a [[f64; 3]]) -> Result<Self, CloudError> {
-        let tree = CloudTree::new(points)?;
+        let near = CloudTree::new(points)?;
         let neighbours = SPACING_NEIGHBOURS.min(points.len() - 1).max(1);
         let spacing: Vec<f64> =
-            tree.map_nearest(neighbours, |_, near| near.iter().map(|n| n.0).sum::<f64>() / near.len().max(1) as f64);
+            near.map_nearest(neighbours, |_, near| near.iter().map(|n| n.0).sum::<f64>() / near.len().max(1) as f64);
         let mut sorted = spacing.clone();
         let median = *sorted.select_nth_unstable_by(points.len() / 2, f64::total_cmp).1;
         let weights = spacing.iter().map(|s| s.min(MAX_SPACING * median).powi(2)).collect();
         Ok(Self {
             points,
-            kind: Kind::Cloud(Box::new(Cloud { tree, spacing, weights, spanned: None, neighbours_are_known: false })),
+            kind: Kind::Cloud(Box::new(Cloud {
+                tree: PointTree::new(points),
+                spacing,
+                weights,
+                spanned: None,
+                neighbours_are_known: false,
+            })),
             diagonal: diagonal(points),
         })
     }

@@ -13,6 +13,7 @@
 
 mod boundary;
 mod bounds;
+mod box_tree;
 mod canonical;
 mod check;
 mod clean;
@@ -47,12 +48,12 @@ mod search;
 mod star;
 mod thickness;
 mod thin;
-mod triangle_tree;
 mod tube;
 pub mod vec3;
 
 pub use boundary::{BoundaryParams, CloudBoundary, find_boundary};
 pub use bounds::{BoundingBox, Normalization};
+pub use box_tree::{Foot, PointTree, TriangleTree, barycentric_in_plane};
 pub use canonical::{canonical_order, canonical_triangles};
 pub use check::{LINE_TOLERANCE, MAX_COORDINATE, MIN_EXTENT, check_curve_cloud, check_finite, check_surface_cloud};
 pub use clean::{CloudPieces, Outliers, find_outliers, find_stray_pieces};
@@ -80,5 +81,4 @@ pub use rows::{Rows, find_rows, thin_rows};
 pub use search::{CloudTree, Neighbour};
 pub use thickness::{thickness, thickness_of_cloud};
 pub use thin::{Thinned, spread_subset, thin};
-pub use triangle_tree::{Foot, TriangleTree, barycentric_in_plane};
 pub use tube::{TubeEnds, TubeShape};

@@ -3,9 +3,9 @@
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
+use crate::box_tree::TriangleTree;
 use crate::neighbours::rows;
 use crate::noise::some_of;
-use crate::triangle_tree::TriangleTree;
 use crate::vec3::{add, cross, dot, norm, scale, sub, unit};
 use crate::{CloudError, LocalFrames, check_finite};
 

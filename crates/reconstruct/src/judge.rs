@@ -229,16 +229,7 @@ impl<'a, S> Judged<'a, S> {
     pub(crate) fn new(method: S, judge: Option<&'a Judge<'a>>, within: f64, softens: bool) -> Self {
         let softening = Softening { trials: if softens { TRIALS } else { 0 }, before: None };
         let stiffenings = if softens { STIFFENINGS } else { 0 };
-        Self {
-            method,
-            judge,
-            within,
-            errors: Vec::new(),
-            softening,
-            stiffenings,
-            openings: OPENINGS,
-            cured: None,
-        }
+        Self { method, judge, within, errors: Vec::new(), softening, stiffenings, openings: OPENINGS, cured: None }
     }
 }
 

@@ -1,4 +1,4 @@
-//! The nearest point of a triangle mesh.
+//! The nearest point of a triangle mesh, and of points whatever their coordinates are.
 
 use crate::vec3::{add, cross, dot, norm, scale, sub};
 
@@ -13,56 +13,81 @@ pub struct Foot {
     pub squared_distance: f64,
 }
 
-/// Most triangles of a leaf; a test of a triangle costs as much as two or three of a box.
+/// Most shapes of a leaf; a test of a triangle costs as much as two or three of a box.
 const LEAF: usize = 4;
 
-/// Boxes round triangles, halved at the median of their centres, for nearest-point queries.
-pub struct TriangleTree {
+/// What a tree of boxes holds.
+trait Shape: Copy {
+    /// Lower and upper corner of its box.
+    fn bounds(&self) -> [[f64; 3]; 2];
+    /// Its centre, or a multiple of it that is the same for all shapes.
+    fn center(&self) -> [f64; 3];
+}
+
+impl Shape for [[f64; 3]; 3] {
+    fn bounds(&self) -> [[f64; 3]; 2] {
+        let [p, q, r] = *self;
+        [std::array::from_fn(|k| p[k].min(q[k]).min(r[k])), std::array::from_fn(|k| p[k].max(q[k]).max(r[k]))]
+    }
+
+    fn center(&self) -> [f64; 3] {
+        let [p, q, r] = *self;
+        add(add(p, q), r)
+    }
+}
+
+impl Shape for [f64; 3] {
+    fn bounds(&self) -> [[f64; 3]; 2] {
+        [*self; 2]
+    }
+
+    fn center(&self) -> [f64; 3] {
+        *self
+    }
+}
+
+/// Boxes round shapes, halved along their longest side at the median of the centres.
+struct BoxTree<S> {
     nodes: Vec<Node>,
-    /// Corners of the triangles, leaf after leaf, and their indices.
-    corners: Vec<[[f64; 3]; 3]>,
-    triangles: Vec<u32>,
+    /// The shapes, leaf after leaf, and their indices.
+    shapes: Vec<S>,
+    items: Vec<u32>,
 }
 
 struct Node {
     lower: [f64; 3],
     upper: [f64; 3],
-    /// Its part of the triangles.
+    /// Its part of the shapes.
     begin: u32,
     end: u32,
     /// The second child, zero for a leaf; the first child is the next node.
     second: u32,
 }
 
-impl TriangleTree {
-    /// Indexes triangles, one at least, given by their corners. O(n log n).
-    pub fn new(corners: &[[[f64; 3]; 3]]) -> Self {
-        let mut order: Vec<u32> = (0..corners.len() as u32).collect();
-        let mut nodes = Vec::with_capacity(corners.len());
-        split(corners, &mut order, 0, &mut nodes);
-        Self { nodes, corners: order.iter().map(|&t| corners[t as usize]).collect(), triangles: order }
+impl<S: Shape> BoxTree<S> {
+    fn new(shapes: &[S]) -> Self {
+        let mut order: Vec<u32> = (0..shapes.len() as u32).collect();
+        let mut nodes = Vec::with_capacity(shapes.len());
+        split(shapes, &mut order, 0, &mut nodes);
+        Self { nodes, shapes: order.iter().map(|&t| shapes[t as usize]).collect(), items: order }
     }
 
-    /// The point of the mesh nearest to `point`.
-    pub fn nearest(&self, point: [f64; 3]) -> Foot {
-        let mut best = Foot { triangle: 0, barycentric: [1.0, 0.0, 0.0], squared_distance: f64::INFINITY };
-        // Depth first, the nearer child first. The depth is at most 32: each level halves the number of triangles.
+    /// Visits shapes until none can be nearer: `visit` has the place of one among the shapes and the smallest squared distance so far, and
+    /// returns the smaller one of that and its own.
+    fn nearest(&self, point: [f64; 3], mut visit: impl FnMut(usize, f64) -> f64) {
+        let mut best = f64::INFINITY;
+        // Depth first, the nearer child first. The depth is at most 32: each level halves the number of shapes.
         let mut stack = [(0u32, 0.0f64); 40];
         let mut top = 1;
         while top > 0 {
             top -= 1;
             let (at, bound) = stack[top];
-            if bound >= best.squared_distance {
+            if bound >= best {
                 continue;
             }
             let node = &self.nodes[at as usize];
             if node.second == 0 {
-                for k in node.begin as usize..node.end as usize {
-                    let (barycentric, squared_distance) = foot_on_triangle(point, &self.corners[k]);
-                    if squared_distance < best.squared_distance {
-                        best = Foot { triangle: self.triangles[k], barycentric, squared_distance };
-                    }
-                }
+                best = (node.begin as usize..node.end as usize).fold(best, |best, k| visit(k, best));
                 continue;
             }
             let mut children = [at + 1, node.second].map(|c| (c, self.nodes[c as usize].squared_distance(point)));
@@ -72,7 +97,55 @@ impl TriangleTree {
             stack[top..top + 2].copy_from_slice(&children);
             top += 2;
         }
-        best
+    }
+}
+
+/// Points for queries of the nearest one, whatever their coordinates are: where one extends over thousands of times as much as
+/// another, as heights in metres over degrees do, boxes are halved along that one alone.
+pub struct PointTree(BoxTree<[f64; 3]>);
+
+impl PointTree {
+    /// Indexes points, one at least. O(n log n).
+    pub fn new(points: &[[f64; 3]]) -> Self {
+        Self(BoxTree::new(points))
+    }
+
+    /// The distance of the point nearest to a place and its index; of equally near ones, which one is fixed by the tree.
+    pub fn nearest(&self, place: [f64; 3]) -> (f64, u32) {
+        let (mut nearest, mut squared) = (0, f64::INFINITY);
+        self.0.nearest(place, |k, best| {
+            let offset = sub(place, self.0.shapes[k]);
+            let found = dot(offset, offset);
+            if found < best {
+                (nearest, squared) = (k, found);
+            }
+            best.min(found)
+        });
+        (squared.sqrt(), self.0.items[nearest])
+    }
+}
+
+/// Triangles for queries of the nearest point.
+pub struct TriangleTree(BoxTree<[[f64; 3]; 3]>);
+
+impl TriangleTree {
+    /// Indexes triangles, one at least, given by their corners. O(n log n).
+    pub fn new(corners: &[[[f64; 3]; 3]]) -> Self {
+        Self(BoxTree::new(corners))
+    }
+
+    /// The point of the mesh nearest to `point`.
+    pub fn nearest(&self, point: [f64; 3]) -> Foot {
+        let mut found = Foot { triangle: 0, barycentric: [1.0, 0.0, 0.0], squared_distance: f64::INFINITY };
+        self.0.nearest(point, |k, best| {
+            let (barycentric, squared_distance) = foot_on_triangle(point, &self.0.shapes[k]);
+            if squared_distance >= best {
+                return best;
+            }
+            found = Foot { triangle: self.0.items[k], barycentric, squared_distance };
+            squared_distance
+        });
+        found
     }
 
     /// The smallest distance along a ray, positive multiples of `direction` from `origin` in its units, at which it meets a triangle for
@@ -87,7 +160,7 @@ impl TriangleTree {
         let mut best = f64::INFINITY;
         let mut stack = vec![0_u32];
         while let Some(at) = stack.pop() {
-            let node = &self.nodes[at as usize];
+            let node = &self.0.nodes[at as usize];
             if node.entry(origin, inverse) >= best {
                 continue;
             }
@@ -96,9 +169,9 @@ impl TriangleTree {
                 continue;
             }
             for k in node.begin as usize..node.end as usize {
-                if let Some(t) = hit(origin, direction, &self.corners[k])
+                if let Some(t) = hit(origin, direction, &self.0.shapes[k])
                     && t < best
-                    && counts(self.triangles[k], t)
+                    && counts(self.0.items[k], t)
                 {
                     best = t;
                 }
@@ -128,7 +201,7 @@ impl TriangleTree {
         let most = radius * radius;
         let mut stack = vec![0u32];
         while let Some(at) = stack.pop() {
-            let node = &self.nodes[at as usize];
+            let node = &self.0.nodes[at as usize];
             if node.squared_distance(point) > most {
                 continue;
             }
@@ -137,8 +210,8 @@ impl TriangleTree {
                 continue;
             }
             (node.begin as usize..node.end as usize)
-                .filter(|&k| foot_on_triangle(point, &self.corners[k]).1 <= most)
-                .for_each(|k| visit(self.triangles[k]));
+                .filter(|&k| foot_on_triangle(point, &self.0.shapes[k]).1 <= most)
+                .for_each(|k| visit(self.0.items[k]));
         }
     }
 }
@@ -161,37 +234,29 @@ impl Node {
 }
 
 /// Adds the node of `order`, which begins at `begin` in the whole, and those below it.
-fn split(corners: &[[[f64; 3]; 3]], order: &mut [u32], begin: u32, nodes: &mut Vec<Node>) {
-    let bounds = |value: &dyn Fn(u32) -> [[f64; 3]; 2], order: &[u32]| {
+fn split<S: Shape>(shapes: &[S], order: &mut [u32], begin: u32, nodes: &mut Vec<Node>) {
+    let bounds = |value: &dyn Fn(&S) -> [[f64; 3]; 2], order: &[u32]| {
         order.iter().fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[lower, upper], &t| {
-            let [low, high] = value(t);
+            let [low, high] = value(&shapes[t as usize]);
             [std::array::from_fn(|k| lower[k].min(low[k])), std::array::from_fn(|k| upper[k].max(high[k]))]
         })
     };
-    let sides = |t: u32| {
-        let [p, q, r] = corners[t as usize];
-        [std::array::from_fn(|k| p[k].min(q[k]).min(r[k])), std::array::from_fn(|k| p[k].max(q[k]).max(r[k]))]
-    };
-    let center = |t: u32| {
-        let [p, q, r] = corners[t as usize];
-        add(add(p, q), r)
-    };
-    let [lower, upper] = bounds(&sides, order);
+    let [lower, upper] = bounds(&S::bounds, order);
     let index = nodes.len();
     nodes.push(Node { lower, upper, begin, end: begin + order.len() as u32, second: 0 });
     if order.len() <= LEAF {
         return;
     }
-    let [low, high] = bounds(&|t| [center(t); 2], order);
+    let [low, high] = bounds(&|shape| [shape.center(); 2], order);
     let extent = sub(high, low);
     let axis = (0..3).max_by(|&i, &j| extent[i].total_cmp(&extent[j])).unwrap_or(0);
     let middle = order.len() / 2;
-    let by_center = |a: &u32, b: &u32| center(*a)[axis].total_cmp(&center(*b)[axis]).then(a.cmp(b));
-    order.select_nth_unstable_by(middle, by_center);
+    let at = |t: u32| shapes[t as usize].center()[axis];
+    order.select_nth_unstable_by(middle, |&a, &b| at(a).total_cmp(&at(b)).then(a.cmp(&b)));
     let (first, second) = order.split_at_mut(middle);
-    split(corners, first, begin, nodes);
+    split(shapes, first, begin, nodes);
     nodes[index].second = nodes.len() as u32;
-    split(corners, second, begin + middle as u32, nodes);
+    split(shapes, second, begin + middle as u32, nodes);
 }
 
 /// Triangles with an angle of a smaller squared sine count as their sides: the areas would be round-off.
@@ -314,6 +379,24 @@ mod tests {
             within.sort_unstable();
             let near = |&t: &usize| foot_on_triangle(x, &corners[t]).1 <= radius * radius;
             prop_assert_eq!(within, (0..corners.len()).filter(near).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn the_nearest_point_is_found_whatever_the_coordinates_are() {
+        // Heights over degrees: whole numbers up to 1000 over a square of a tenth; and many equal ones.
+        let hash = |k: u64| (k.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f64 / 16_777_216.0;
+        for scale in [[1.0, 1.0, 1.0], [0.1, 0.1, 1000.0], [0.0, 1e-6, 3.0], [0.0; 3]] {
+            let point = |k: u64| [hash(3 * k) * scale[0], hash(3 * k + 1) * scale[1], (hash(3 * k + 2) * scale[2]).round()];
+            let points: Vec<[f64; 3]> = (0..500).map(point).collect();
+            let tree = PointTree::new(&points);
+            for k in 1000..1100 {
+                let place = [hash(k), hash(k + 1), 1000.0 * hash(k + 2)];
+                let distance = |p: &[f64; 3]| norm(sub(place, *p));
+                let nearest = points.iter().map(distance).fold(f64::INFINITY, f64::min);
+                let (found, item) = tree.nearest(place);
+                assert!(found == nearest && distance(&points[item as usize]) == nearest);
+            }
         }
     }
 
