@@ -8,7 +8,8 @@ use geom_io::{
     Geometry, LengthUnit, MeshFormat, MeshStyle, MeshWithScalars, Model, ModelFormat, ReadErrorKind, ReadOptions,
     StepOptions, TakenColumn, WriteOptions, read_model, read_scan, write_mesh, write_model,
 };
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView2, Axis};
+use param_classic::triangulate_parameters;
 use point_cloud::{BoundingBox, TriangleMesh, merge_duplicate_vertices};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -16,7 +17,9 @@ use thb_core::{CellSpace, ClosestPoints, SplineMap};
 
 use crate::clean::{MeshPieces, far_values, mesh_pieces};
 use crate::error::pieces_of;
+use crate::judge::MOST_IN_ORDER;
 use crate::mesh::tessellate;
+use crate::parameters::in_canonical_order;
 use crate::{Error, Tolerance, units};
 
 /// Deviation of a cloud from a model.
@@ -55,7 +58,7 @@ pub struct Comparison {
 pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolerance) -> Result<Comparison, Error> {
     tolerance.check()?;
     let map = surface(model)?;
-    let mut scan = read_scan(cloud, read)?;
+    let mut scan = in_canonical_order(read_scan(cloud, read)?);
     let far = far_values(scan.cloud.points.view(), scan.triangles.as_deref())?;
     if !far.rows.is_empty() {
         let is_near = |i: &usize| far.rows.binary_search(&(*i as u32)).is_err();
@@ -75,7 +78,8 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
     let rows: Vec<Vec<f64>> = points.outer_iter().map(|row| row.to_vec()).collect();
     let distances: Vec<f64> = rows.par_iter().map(|row| search.closest(row).distance).collect();
     let of_points = adaptive::Deviation::new(&distances, tolerance);
-    let deviation = measured(&map, &points, scan.triangles, tolerance)?;
+    let parameters = scan.cloud.parameters.as_ref().filter(|parameters| parameters.ncols() == 2);
+    let deviation = measured(&map, &points, scan.triangles, parameters.map(|p| p.view()), tolerance)?;
     let hsd = of_points.max.max(deviation.farthest);
     let max_at_parameters = match scan.cloud.parameters {
         Some(parameters) if parameters.ncols() == 2 => {
@@ -99,11 +103,12 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
     })
 }
 
-/// How a surface lies on points, or on the triangles over them.
+/// How a surface lies on points, or on the triangles over them. Where they have parameters, these tell which are neighbours.
 fn measured(
     map: &SplineMap<2>,
     points: &Array2<f64>,
     triangles: Option<Vec<[u32; 3]>>,
+    parameters: Option<ArrayView2<'_, f64>>,
     tolerance: f64,
 ) -> Result<Deviation, Error> {
     // Where triangles have corners of their own, equal ones are one: rims would be everywhere.
@@ -113,9 +118,12 @@ fn measured(
         points.outer_iter().map(|row| std::array::from_fn(|k| row[k])).collect()
     };
     let places = mesh.as_ref().map_or_else(|| places(points), |mesh| places(&mesh.vertices));
-    let scan = match &mesh {
-        Some(mesh) => deviation::Scan::mesh(&places, &mesh.triangles)?,
-        None => deviation::Scan::cloud(&places)?,
+    let scan = match (&mesh, parameters) {
+        (Some(mesh), _) => deviation::Scan::mesh(&places, &mesh.triangles)?,
+        (None, Some(parameters)) if places.len() <= MOST_IN_ORDER => {
+            deviation::Scan::cloud(&places)?.with_spanned(&triangulate_parameters(parameters).unwrap_or_default(), true)
+        }
+        (None, _) => deviation::Scan::cloud(&places)?,
     };
     Ok(deviation::measure(map, &scan, None, tolerance, &Thresholds::default())?)
 }

@@ -15,7 +15,7 @@ use crate::Error;
 /// Points in order up to which triangles are spanned over their parameters.
 ///
 /// Limit: a triangulation takes a second for a million points; folds of such grids are not told.
-const MOST_IN_ORDER: usize = 100_000;
+pub(crate) const MOST_IN_ORDER: usize = 100_000;
 
 /// Factor of the smoothing weight in a trial: a step of the automatic choice.
 ///

@@ -206,7 +206,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
 }
 
 /// The points of a scan, unless their order means something, in one that does not depend on how the file lists them.
-fn in_canonical_order(mut scan: Scan) -> Scan {
+pub(crate) fn in_canonical_order(mut scan: Scan) -> Scan {
     if scan.cloud.grid.is_none() && scan.cloud.parameters.is_none() {
         scan.select(&canonical_order(scan.cloud.points.view()));
         scan.triangles.iter_mut().for_each(|triangles| canonical_triangles(triangles));
