@@ -27,6 +27,8 @@ COVERED_SPACINGS = 1.0
 BEYOND_SPACINGS = 2.0
 # Triangles with the farthest samples and vertices, in which more places are taken, and how many in each.
 FARTHEST, AGAIN = 300, 100
+# How near to the farthest places of these more are taken, as shares of their triangles, one after the other, and how many.
+NEARER, NEAREST = (0.1, 0.02), 20
 # A place lies on an outline if it is that near to it, as a share of the diagonal.
 ON_OUTLINE = 1e-6
 
@@ -113,6 +115,27 @@ def places_again(triangles, which, distances, at_vertices, seed):
     return chosen, np.column_stack([1 - r, r * (1 - s), r * s])
 
 
+def nearer(chosen, weights, distances, reach, seed):
+    """Places within `reach` of the farthest of the given ones, in the same triangles."""
+    top = np.repeat(np.argsort(-distances)[:NEAREST], AGAIN)
+    moved = weights[top] + np.random.default_rng(seed).normal(size=(len(top), 3)) * reach
+    moved = np.maximum(moved, 0.0)
+    return chosen[top], moved / moved.sum(axis=1, keepdims=True)
+
+
+def climbed(corners, triangles, chosen, weights, judge, which, seed):
+    """Places of triangles in ever smaller surroundings of the farthest, with what `judge` finds of the places, the triangles
+    and the weights: a list of arrays, of which number `which` are the distances."""
+    places = facets.at(corners, triangles, chosen, weights)
+    all_places, found = [places], [judge(places, chosen, weights)]
+    for reach in NEARER:
+        chosen, weights = nearer(chosen, weights, found[-1][which], reach, seed)
+        places = facets.at(corners, triangles, chosen, weights)
+        all_places.append(places)
+        found.append(judge(places, chosen, weights))
+    return np.concatenate(all_places), [np.concatenate(parts) for parts in zip(*found)]
+
+
 def spacing_of(points):
     """Mean distance of each point to its six nearest neighbours."""
     apart, _ = cKDTree(points).query(points, k=NEIGHBOURS + 1)
@@ -153,8 +176,7 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
     of_all = np.full(len(points), -1.0)
     of_all[used] = at_vertices
     more, more_weights = places_again(triangles, which, to_band, of_all, seed)
-    more_places = facets.at(points, triangles, more, more_weights)
-    further = from_scan(more_places, more, more_weights)
+    more_places, further = climbed(points, triangles, more, more_weights, from_scan, 3, seed)
     vertices = (np.concatenate([at_vertices, further[3]]), np.concatenate([points[used], more_places]))
     result = dict(
         sagitta_p95=float(np.quantile(np.abs(facets.curved_height(points, triangles, corners, which, weights)), 0.95)),
@@ -201,8 +223,10 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
     found = from_surface(places)
     counted = np.where(found[2], found[4], 0.0)
     more, more_weights = places_again(surface.triangles, which, counted[:count], counted[count:], seed)
-    more_places = facets.at(surface.points, surface.triangles, more, more_weights)
-    found = [np.concatenate(pair) for pair in zip(found, from_surface(more_places))]
+    more_places, further = climbed(
+        surface.points, surface.triangles, more, more_weights, lambda places, *_: from_surface(places), 4, seed
+    )
+    found = [np.concatenate(pair) for pair in zip(found, further)]
     places = np.concatenate([places, more_places])
     distance, nearest_facet, inside, at_near, banded = found
     samples, extra = inside[:count], inside[count:]
@@ -296,8 +320,10 @@ def judge_cloud(points, surface, tolerance, count, seed):
 
     found = from_surface(places)
     more, more_sides = places_again(surface.triangles, which, found[1][:count], found[1][count:], seed)
-    more_places = facets.at(surface.points, surface.triangles, more, more_sides)
-    away, excess, outside = (np.concatenate(pair) for pair in zip(found, from_surface(more_places)))
+    more_places, further = climbed(
+        surface.points, surface.triangles, more, more_sides, lambda places, *_: from_surface(places), 1, seed
+    )
+    away, excess, outside = (np.concatenate(pair) for pair in zip(found, further))
     places = np.concatenate([places, more_places])
     others = (excess[count:], places[count:])
     result["surface_to_scan"] = statistics(excess[:count], places[:count], tolerance, others=others)
