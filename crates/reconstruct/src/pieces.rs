@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use geom_io::{Scan, read_scan};
+use point_cloud::BoundingBox;
 use serde::Serialize;
 
 use crate::clean::{Pieced, split};
 use crate::error::size_of_piece;
 use crate::parameters::STRAY_TRIANGLES;
-use crate::{Error, Event, Fit, FitOptions, Report, Verdict, Watch, fit_scan};
+use crate::{Error, Event, Fit, FitOptions, Report, Verdict, Watch, fit_scan, units};
 
 /// The pieces of a scan, as far as they were fitted.
 #[derive(Debug)]
@@ -102,14 +103,12 @@ impl PieceFits {
 
     /// The report of all pieces.
     pub fn report(&self) -> PiecesReport<'_> {
-        let section = |piece: &'_ PieceFit| (piece.number, piece.size);
         let pieces = self.pieces.iter().map(|piece| {
-            let (number, size) = section(piece);
             let (report, error) = match &piece.fit {
                 Ok(fit) => (Some(&fit.report), None),
                 Err(error) => (None, Some(error.to_string())),
             };
-            PieceReport { piece: number, size, report, error }
+            PieceReport { piece: piece.number, size: piece.size, report, error }
         });
         let verdict = self.verdict();
         PiecesReport {
@@ -142,9 +141,13 @@ pub fn fit_pieces_file(path: &Path, options: &FitOptions, watch: &mut Watch<'_>)
 /// are left have the error [`Error::NotBegun`].
 pub fn fit_pieces(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<'_>) -> Result<PieceFits, Error> {
     options.check()?;
-    let Pieced { scan, piece_of, sizes, what } = split(scan, &options.parameters, watch)?;
+    let Pieced { mut scan, piece_of, sizes, what } = split(scan, &options.parameters, watch)?;
     let kept = not_stray(&sizes);
-    let mut warnings = Vec::new();
+    // What is said of the file is said once, and its size is that of all pieces.
+    let mut warnings = std::mem::take(&mut scan.notes);
+    let diagonal = BoundingBox::of(scan.cloud.points.view())?.diagonal();
+    warnings.extend(units::hint(options.units, scan.unit, diagonal));
+    let of_piece = FitOptions { units: Some(units::resolve(options.units, scan.unit)), ..options.clone() };
     if kept < sizes.len() {
         warnings.push(format!(
             "{} of {} pieces of the {what} are stray, of together {} {}, and were left out; --piece {} fits the largest of them",
@@ -165,7 +168,8 @@ pub fn fit_pieces(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watc
         let places: Vec<usize> = (0..piece_of.len()).filter(|&at| piece_of[at] == Some(number - 1)).collect();
         let mut part = scan.clone();
         part.select(&places);
-        let mut fit = fit_scan(part, name, options, watch);
+        part.unit = None;
+        let mut fit = fit_scan(part, name, &of_piece, watch);
         if let Ok(fit) = &mut fit {
             fit.model.metadata.insert("piece".into(), number.into());
             is_interrupted = fit.report.result.stop == adaptive::Stop::Interrupted.name();

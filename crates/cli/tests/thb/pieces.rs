@@ -103,6 +103,8 @@ fn all_pieces_are_fitted_and_written_together() {
         assert_eq!((&line["pieces"], &line["dofs"]), (&json!(fitted), &json!(dofs)));
         assert_eq!(line["outputs"].as_array().unwrap().len(), 3 + fitted);
         assert_eq!(line["warnings"].to_string().contains("are stray"), fitted < sizes.len(), "{line}");
+        // What is said of the file is said once.
+        assert!(line["warnings"].to_string().matches("across, since the file tells no unit").count() <= 1, "{line}");
         // Triangles of all pieces, each where its piece is.
         let mesh = lab.prints_json("info a.obj");
         let most = 100.0 * (sizes.iter().rposition(|&n| n > 1).unwrap()) as f64 + 20.0;
@@ -157,10 +159,10 @@ fn files_of_pieces_overwrite_nothing_and_options_of_one_piece_are_refused() {
     lab.put("b.off", sheets(&[7, 6], false));
     lab.put("rows.txt", "0 I\n");
     for option in ["--corners 0,1,2,3", "--outline rows.txt", "--markers rows.txt"] {
-        lab.fails(&format!("fit a.off --piece all -o a.step {option}"), 2, &["--piece all", "--corners"]);
+        lab.fails(&format!("fit a.off --piece all -o a.step {option}"), 2, &["--piece = all", "--corners"]);
     }
     for arguments in ["param a.off --piece all", "param a.off --piece all -o a.csv"] {
-        lab.fails(arguments, 2, &["--piece all"]);
+        lab.fails(arguments, 2, &["--piece = all"]);
     }
     // What is meant for another part is not written for a piece.
     lab.put("b.piece-1.off", sheets(&[7], false));
