@@ -116,7 +116,7 @@ pub(crate) struct FitArgs {
     /// Summary of all inputs, one JSON object a line.
     #[arg(long, value_name = "FILE")]
     pub(crate) summary: Option<PathBuf>,
-    /// Parts fitted at a time.
+    /// Parts fitted at a time; no more than threads.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) jobs: u16,
     /// Threads for the work within a part; 0 for one per core.

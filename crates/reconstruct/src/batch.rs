@@ -27,7 +27,7 @@ pub struct BatchOptions {
     /// Summary of all parts, one JSON object a line in the order of the inputs. Written anew after each part, so that
     /// an interrupted batch leaves one of what is done.
     pub summary: Option<PathBuf>,
-    /// Parts fitted at a time; at least one.
+    /// Parts fitted at a time; at least one, and no more than there are threads in the pool.
     pub jobs: usize,
 }
 
@@ -137,7 +137,9 @@ pub fn run_batch(
     let taken = check_overwriting(&read, &outputs, batch.summary.as_ref())?;
     let results: Mutex<Results> = Mutex::new(Results { parts: vec![None; inputs.len()], summary: Ok(()) });
     let work = |i: usize| {
-        let result = fit_part(&inputs[i], &outputs[i], &taken, options, on_event);
+        // Within the pool: the kernels of the factorization keep buffers of twice the last cache for each thread that calls them, a GB on
+        // some machines. That of a thread more for each job would not fit where the address space is bounded.
+        let result = rayon::scope(|_| fit_part(&inputs[i], &outputs[i], &taken, options, on_event));
         let further = on_event(BatchEvent::Done(&result));
         if let Ok(mut results) = results.lock() {
             results.parts[i] = Some(result);
@@ -157,7 +159,7 @@ pub fn run_batch(
         }
     };
     std::thread::scope(|scope| {
-        for _ in 1..batch.jobs.min(inputs.len()) {
+        for _ in 1..batch.jobs.min(inputs.len()).min(rayon::current_num_threads()) {
             scope.spawn(job);
         }
         job();

@@ -7,26 +7,28 @@ use point_cloud::CloudError;
 /// What follows the message of a scan that could not be read; empty where no option helps.
 pub(crate) fn of_reading(kind: &ReadErrorKind) -> String {
     let hint = match kind {
-        ReadErrorKind::UnknownExtension { .. } | ReadErrorKind::FormatNeeded => "--format does that",
-        ReadErrorKind::Expansion { .. } => "--max-expand does that",
+        ReadErrorKind::UnknownExtension { .. } | ReadErrorKind::FormatNeeded => " (--format)",
+        ReadErrorKind::Expansion { .. } => " (--max-expand)",
         ReadErrorKind::OptionOfOtherFormat { option, .. } => return format!("; leave out --{option}"),
-        ReadErrorKind::ColumnNumber { .. } => "--columns, --normals and --grid take them so",
+        ReadErrorKind::ColumnNumber { .. } => " (--columns)",
         ReadErrorKind::NoNames { option } => return format!("; --{option} 4 takes the fourth column"),
         ReadErrorKind::OptionColumns { option, .. } => return format!("; give --{option} as many"),
         ReadErrorKind::AmbiguousComma { .. } | ReadErrorKind::GroupedNumber { .. } => {
-            "say --decimal comma or --decimal point"
+            " (--decimal comma or --decimal point)"
         }
-        ReadErrorKind::NoValues { .. } => "--columns says which columns hold them",
+        ReadErrorKind::NoValues { .. } => "; --columns says which columns hold them",
         ReadErrorKind::NotANumberInTable { .. } => {
-            "--columns says which columns hold the coordinates, --skip how many lines stand before the points, --decimal the decimal sign"
+            "; --columns says which columns hold the coordinates, --skip how many lines stand before the points, --decimal the decimal sign"
         }
-        ReadErrorKind::NoNumbers { .. } => "--skip says how many lines stand before the points",
-        ReadErrorKind::ColumnsNotFound { .. } => "--columns says which ones hold the coordinates, by names or numbers",
-        ReadErrorKind::DuplicateColumn { .. } => "--columns says which ones hold the coordinates",
-        ReadErrorKind::GridIndex { .. } => "--grid names them, or none",
+        ReadErrorKind::NoNumbers { .. } => "; --skip says how many lines stand before the points",
+        ReadErrorKind::ColumnsNotFound { .. } => {
+            "; --columns says which ones hold the coordinates, by names or numbers"
+        }
+        ReadErrorKind::DuplicateColumn { .. } => " (--columns)",
+        ReadErrorKind::GridIndex { .. } => "; --grid names them, or none",
         _ => return String::new(),
     };
-    format!("; {hint}")
+    hint.to_owned()
 }
 
 /// What follows the message of a cloud that cannot be fitted; empty where no option helps.

@@ -84,9 +84,9 @@ fn hostile_parts_among_many_cost_a_line_each() {
     (las[96], las[105]) = (227, 1);
     las[107..111].fill(0xff);
     let hostile: [(&str, Vec<u8>); 8] = [
-        ("huge.ply", ply.into()),
-        ("huge.las", las),
-        ("huge.off", b"OFF\n4000000000 4000000000 0\n0 0 0\n".to_vec()),
+        ("vertices.ply", ply.into()),
+        ("records.las", las),
+        ("faces.off", b"OFF\n4000000000 4000000000 0\n0 0 0\n".to_vec()),
         ("far.xyz", b"0 0 0\n1 0 0\n0 1 1e300\n1 1 0\n".to_vec()),
         (
             "blind.pcd",
