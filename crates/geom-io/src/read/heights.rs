@@ -64,7 +64,7 @@ impl Grid {
         }
         for (axis, name) in [(self.x, "x"), (self.y, "y")] {
             let ends = [axis.centre(0), axis.centre(axis.count - 1)];
-            if let Some(&value) = ends.iter().find(|value| !(value.abs() <= MAX_COORDINATE)) {
+            if let Some(&value) = ends.iter().find(|value| value.is_nan() || value.abs() > MAX_COORDINATE) {
                 return Err(ReadErrorKind::GridRange { axis: name, value, limit: MAX_COORDINATE });
             }
         }
