@@ -98,7 +98,7 @@ fn all_pieces_are_fitted_and_written_together() {
                 let [one, other] = [alone, together].map(|result| result[key].as_f64().unwrap());
                 assert!((one - other).abs() <= 1e-6 * one.abs(), "piece {}: {key} is {one} and {other}", k + 1);
             }
-            assert_eq!(lab.prints_json(&format!("info {name}"))["kind"], "surface");
+            assert_eq!(lab.prints_json(&format!("info {name}"))["kind"], "model");
         }
         assert!(!lab.path(&format!("a.piece-{}.json", fitted + 1)).exists() && !lab.path("a.json").exists());
         assert_eq!(report["verdict"], ["good", "usable", "failed"][worst]);
