@@ -170,7 +170,7 @@ pub(crate) fn split(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     let mut cleaned = Cleaned::new(scan);
     cleaned.crop_and_mask(options, watch)?;
     let _ = watch(Event::Step("looking for pieces"));
-    let (piece_of, sizes, what) = cleaned.pieces()?;
+    let (MeshPieces { piece_of, sizes }, what) = cleaned.pieces()?;
     Ok(Pieced { scan: cleaned.scan, piece_of, sizes, what })
 }
 
@@ -397,20 +397,20 @@ impl Cleaned {
         }
     }
 
-    /// The piece of each point, the sizes of all, and what they are pieces of.
-    fn pieces(&mut self) -> Result<(Vec<Option<usize>>, Vec<usize>, &'static str), Error> {
+    /// The pieces, by triangles or by points, and what they are pieces of: `mesh` or `cloud`.
+    fn pieces(&mut self) -> Result<(MeshPieces, &'static str), Error> {
         Ok(match mesh_pieces(&self.scan)? {
-            Some(MeshPieces { piece_of, sizes }) => (piece_of, sizes, "mesh"),
+            Some(pieces) => (pieces, "mesh"),
             None => {
-                let pieces = self.cloud_pieces()?;
-                (pieces.piece_of.into_iter().map(Some).collect(), pieces.sizes, "cloud")
+                let CloudPieces { piece_of, sizes, .. } = self.cloud_pieces()?;
+                (MeshPieces { piece_of: piece_of.into_iter().map(Some).collect(), sizes }, "cloud")
             }
         })
     }
 
     /// Keeps one piece, counted from 1.
     fn keep_piece(&mut self, asked: usize) -> Result<(), Error> {
-        let (piece_of, sizes, what) = self.pieces()?;
+        let (MeshPieces { piece_of, sizes }, what) = self.pieces()?;
         if asked > sizes.len() {
             return Err(Error::NoSuchPiece { asked, what, sizes });
         }

@@ -108,7 +108,7 @@ fn an_error_at_any_call_comes_back_and_leaves_the_old_file() {
             // The first and the last calls, and some between.
             let step = (calls / 40).max(1);
             for (k, kind) in (0..calls)
-                .filter(|k| *k < 5 || k % step == 0 || k + 5 > calls)
+                .filter(|k| *k < 5 || k.is_multiple_of(step) || k + 5 > calls)
                 .flat_map(|k| [ErrorKind::StorageFull, ErrorKind::WriteZero, ErrorKind::Other].map(|kind| (k, kind)))
             {
                 let error = write_atomically(&path, |out| content(&mut Faulty::new(out, usize::MAX, k, kind)));

@@ -161,7 +161,7 @@ fn places_units_and_no_data() {
         ("-32768", -32768.0),
     ] {
         let tags = Tags { no_data: Some(declared), ..Tags::placed() };
-        let is_blind = |i: u32, j: u32| (i + j) % 5 == 0;
+        let is_blind = |i: u32, j: u32| (i + j).is_multiple_of(5);
         let value = |i: u32, j: u32| if is_blind(i, j) { value } else { height(i, j).into() };
         let scan = read(&written::<Gray32Float>(size, Compression::Lzw, 2, &tags, value));
         let seen = (0..13 * 9).filter(|k| !is_blind(k % 13, k / 13)).count();
