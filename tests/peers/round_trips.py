@@ -22,6 +22,7 @@ import numpy as np
 import plyfile
 import pye57
 import pypcd4
+import rasterio
 import trimesh
 
 SINGLE, DOUBLE = 1e-6, 1e-12
@@ -102,6 +103,18 @@ def of_pye57(path, rotation=None):
     file.close()
 
 
+def of_rasterio(path, kind="float64", north=True, blind=(), **options):
+    """The heights as a raster whose first line is the northern one, or the southern."""
+    heights = POINTS[:, 2].copy()
+    heights[list(blind)] = options.get("nodata", 0)
+    heights = heights.reshape(9, 13)
+    step, top = (-5.0, 42.5) if north else (5.0, -2.5)
+    place = rasterio.Affine(5.0, 0.0, -2.5, 0.0, step, top)
+    shape = {"width": 13, "height": 9, "count": 1, "dtype": kind, "transform": place}
+    with rasterio.open(path, "w", driver="GTiff", **shape, **options) as out:
+        out.write((heights[::-1] if north else heights).astype(kind), 1)
+
+
 def packed(path, inner, write):
     """A file of a name, written and then compressed by gzip or put into a zip archive."""
     with tempfile.TemporaryDirectory() as folder:
@@ -116,8 +129,9 @@ def packed(path, inner, write):
                 out.write(plain.read_bytes())
 
 
-# Name, how it is written, tolerance, whether it has triangles, and rows left out.
+# Name, how it is written, tolerance, whether it has triangles (or begins with its northern row), and rows left out.
 BLIND = [0, 5, 64, 116]
+TILES = {"tiled": True, "blockxsize": 16, "blockysize": 16}
 CASES = [
     ("trimesh.ply", of_trimesh, SINGLE, True),
     ("trimesh_text.ply", lambda p: of_trimesh(p, encoding="ascii"), 1e-7, True),
@@ -151,6 +165,19 @@ CASES = [
     ],
     ("pye57.e57", of_pye57, SINGLE, False),
     ("pye57_turned.e57", lambda p: of_pye57(p, [0.0, 0.0, 0.0, 1.0]), SINGLE, False),
+    ("rasterio.tif", of_rasterio, DOUBLE, "north"),
+    ("rasterio_south.tif", lambda p: of_rasterio(p, north=False), DOUBLE, False),
+    ("rasterio_single.tif", lambda p: of_rasterio(p, "float32", crs="EPSG:25832"), SINGLE, "north"),
+    ("rasterio_whole.tif", lambda p: of_rasterio(p, "int16"), 0.02, "north"),
+    *[
+        (f"rasterio_{name}_{predictor}.tif", lambda p, c=name, k=predictor: of_rasterio(p, "float32", compress=c, predictor=k), SINGLE, "north")
+        for name in ["deflate", "lzw"]
+        for predictor in [1, 3]
+    ],
+    ("rasterio_tiles.tif", lambda p: of_rasterio(p, compress="deflate", **TILES), DOUBLE, "north"),
+    ("rasterio_big.tif", lambda p: of_rasterio(p, BIGTIFF="YES", crs="EPSG:25832"), DOUBLE, "north"),
+    ("rasterio_blind.tif", lambda p: of_rasterio(p, "float32", blind=BLIND, nodata=-9999.0, north=False), SINGLE, False, BLIND),
+    ("rasterio_nan.tif", lambda p: of_rasterio(p, blind=BLIND, nodata=float("nan"), north=False), DOUBLE, False, BLIND),
     ("zipped.zip", lambda p: packed(p, "sheet.stl", of_trimesh), SINGLE, "soup"),
     ("zipped.ply.gz", lambda p: packed(p, "sheet.ply", of_trimesh), SINGLE, True),
 ]
@@ -169,6 +196,8 @@ def check(thb, folder, name, write, tolerance, mesh, blind=()):
     info = json.loads(run(thb, "info", path))
     kept = np.delete(np.arange(len(POINTS)), list(blind))
     points = POINTS[TRIANGLES].reshape(-1, 3) if mesh == "soup" else POINTS
+    if mesh == "north":
+        points, mesh = POINTS.reshape(9, 13, 3)[::-1].reshape(-1, 3), False
     found = {"points": info["points"], "triangles": info["triangles"]}
     expected = {"points": len(points) - len(blind), "triangles": len(TRIANGLES) if mesh else None}
     if found != expected:

@@ -26,7 +26,7 @@ fi
 
 "$python" tests/peers/check_measure.py
 
-if "$python" -c "import laspy, meshio, plyfile, pye57, pypcd4, trimesh" 2>"$work/import"; then
+if "$python" -c "import laspy, meshio, plyfile, pye57, pypcd4, rasterio, trimesh" 2>"$work/import"; then
     "$python" tests/peers/round_trips.py "$thb"
 else
     echo "SKIPPED: files of other libraries (tests/peers/round_trips.txt): $(tail -n 1 "$work/import")"
@@ -109,6 +109,23 @@ done
 "$python" tests/peers/check_step.py "$models/curve.step" "$models/curve.csv" --unit metre
 "$python" tests/peers/check_gismo.py "$models/curve.xml" "$models/curve.csv"
 echo "curve: passed"
+
+# Three sheets in one file, each fitted for itself.
+awk 'BEGIN {
+    split("8 12 6", sizes, " ")
+    for (p = 1; p <= 3; p++) for (j = 0; j <= sizes[p]; j++) for (i = 0; i <= sizes[p]; i++)
+        vertices = vertices sprintf("v %.9f %.9f %.9f\n", 100 * p + i, j, sin(0.3 * i) * p + 0.01 * i * j)
+    for (p = 1; p <= 3; p++) { n = sizes[p]; for (j = 0; j < n; j++) for (i = 0; i < n; i++) {
+        a = base + j * (n + 1) + i + 1; faces = faces sprintf("f %d %d %d %d\n", a, a + 1, a + n + 2, a + n + 1) }
+        base += (n + 1) * (n + 1) }
+    printf "%s%s", vertices, faces
+}' >"$work/sheets.obj"
+"$thb" fit "$work/sheets.obj" --piece all -o "$work/sheets.step" -o "$work/sheets.json" --quiet || [[ $? == 3 ]]
+for piece in 1 2 3; do
+    "$thb" eval "$work/sheets.piece-$piece.json" "$work/uv.csv" >"$work/sheets.$piece.csv"
+done
+"$python" tests/peers/check_pieces.py "$work/sheets.step" "$work"/sheets.[123].csv
+echo "pieces: passed"
 
 # A section with a sharp tail, fitted and drawn.
 awk 'BEGIN {

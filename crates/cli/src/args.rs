@@ -116,7 +116,7 @@ pub(crate) struct FitArgs {
     /// Summary of all inputs, one JSON object a line.
     #[arg(long, value_name = "FILE")]
     pub(crate) summary: Option<PathBuf>,
-    /// Parts fitted at a time.
+    /// Parts fitted at a time; no more than threads.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) jobs: u16,
     /// Threads for the work within a part; 0 for one per core.
@@ -292,6 +292,7 @@ impl FitArgs {
             admissible: self.admissible,
             energy: self.energy,
             samples: self.samples,
+            all_pieces: self.layout.all_pieces(),
             units: self.units,
             flip: self.flip,
             seed: self.seed,
@@ -465,9 +466,10 @@ pub(crate) struct LayoutArgs {
     /// points that stand alone and copies are set aside, with a warning; none keeps them too.
     #[arg(long, value_delimiter = ',', value_name = "WHAT", help_heading = "How it is cleaned")]
     clean: Vec<Clean>,
-    /// Keep one piece of a mesh or cloud that has several: 1 for the largest, 2 for the next, and so on.
+    /// Keep one piece of a mesh or cloud that has several: 1 for the largest, 2 for the next, and so on. With all thb fit fits each for
+    /// itself and writes them to one file (.json and .xml: a file each).
     #[arg(long, value_name = "K", value_parser = piece, help_heading = "How it is cleaned")]
-    piece: Option<usize>,
+    piece: Option<Piece>,
     /// Keep at most as many points, well spread.
     #[arg(long, value_name = "N", help_heading = "How it is cleaned")]
     thin: Option<usize>,
@@ -519,12 +521,17 @@ pub(crate) struct LayoutArgs {
 }
 
 impl LayoutArgs {
+    /// Whether every piece is meant.
+    pub(crate) fn all_pieces(&self) -> bool {
+        self.piece == Some(Piece::All)
+    }
+
     /// The options of laying out.
     pub(crate) fn options(&self) -> ParameterOptions {
         ParameterOptions {
             read: self.read.options(),
             clean: self.clean.clone(),
-            piece: self.piece,
+            piece: self.piece.and_then(Piece::number),
             thin: self.thin,
             crop: self.crop,
             mask: self.mask.clone(),
@@ -619,9 +626,30 @@ fn format(text: &str) -> Result<Format, String> {
     Format::from_extension(text.trim_start_matches('.')).map_err(|_| format!("possible are {}", all()))
 }
 
-fn piece(text: &str) -> Result<usize, String> {
-    let expected = "1 for the largest piece, 2 for the next, and so on; a run fits one of them";
-    text.parse().map_err(|_| expected.to_owned())
+/// The pieces that are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Piece {
+    /// Each for itself.
+    All,
+    /// One, from 1.
+    Number(usize),
+}
+
+impl Piece {
+    fn number(self) -> Option<usize> {
+        match self {
+            Self::All => None,
+            Self::Number(number) => Some(number),
+        }
+    }
+}
+
+fn piece(text: &str) -> Result<Piece, String> {
+    let expected = "1 for the largest piece, 2 for the next, and so on, or all";
+    match text {
+        "all" => Ok(Piece::All),
+        _ => text.parse().map(Piece::Number).map_err(|_| expected.to_owned()),
+    }
 }
 
 fn unit(text: &str) -> Result<LengthUnit, String> {

@@ -9,7 +9,7 @@ use std::process::{self, ExitCode};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Parser;
-use reconstruct::{BatchEvent, BatchOptions, Error, PartOutcome, PartResult, Verdict, run_batch};
+use reconstruct::{BatchEvent, BatchOptions, BatchResult, Error, PartOutcome, PartResult, Verdict, run_batch};
 use serde::Serialize;
 
 use args::{Cli, Command, CurveArgs, FitArgs, ParamArgs};
@@ -109,7 +109,7 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
         }
         complain("ending after this iteration with what there is; interrupt once more to end at once");
     })?;
-    let results = run_batch(&args.inputs, &options, &batch, &|event| {
+    let BatchResult { parts: results, summary } = run_batch(&args.inputs, &options, &batch, &|event| {
         progress.show(event);
         if IS_INTERRUPTED.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
@@ -131,11 +131,12 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
             }
         }
     }
+    let summary = summary.map_err(|error| complain(&error.to_string()));
     if results.len() < args.inputs.len() {
         complain(&format!("{} of {} inputs were not begun", args.inputs.len() - results.len(), args.inputs.len()));
         return Ok(FAILED);
     }
-    Ok(exit_code(&results))
+    Ok(if summary.is_err() { FAILED } else { exit_code(&results) })
 }
 
 fn fit_curve(args: &CurveArgs) -> anyhow::Result<u8> {
@@ -159,6 +160,10 @@ fn fit_curve(args: &CurveArgs) -> anyhow::Result<u8> {
 fn param(args: &ParamArgs) -> anyhow::Result<()> {
     let options = args.layout.options();
     options.check()?;
+    if args.layout.all_pieces() {
+        let allowed = "a number here; thb fit takes all";
+        return Err(Error::OptionRange { option: "--piece", given: "all".to_owned(), allowed }.into());
+    }
     let threads = at_most_four_a_core("--threads", args.threads);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     reconstruct::check_parameter_outputs(&args.input, &options, &args.outputs, args.report.as_deref())?;

@@ -59,11 +59,24 @@ fn name(input: &Path) -> String {
 pub(crate) fn line(result: &PartResult) -> String {
     let name = name(&result.input);
     match &result.outcome {
-        PartOutcome::Fitted { verdict, stop, dofs, max, within, tolerance, lambda, reweighting, seconds, .. } => {
+        PartOutcome::Fitted {
+            verdict,
+            stop,
+            pieces,
+            dofs,
+            max,
+            within,
+            tolerance,
+            lambda,
+            reweighting,
+            seconds,
+            ..
+        } => {
             let verdict = if *verdict < Verdict::Failed { verdict.to_string() } else { format!("failed ({stop})") };
             format!(
-                "{name}: {verdict}, {dofs} control points, {:.1} % within {tolerance:.4e}, max {max:.4e}, \
+                "{name}: {verdict}, {}{dofs} control points, {:.1} % within {tolerance:.4e}, max {max:.4e}, \
                  λ {lambda:.2e}{}, {seconds:.2} s",
+                pieces.map_or(String::new(), |pieces| format!("{pieces} pieces, ")),
                 100.0 * within,
                 reweighting.as_ref().map_or(String::new(), |weights| format!(", {}", weights.summary())),
             )

@@ -71,7 +71,8 @@ impl fmt::Display for Location {
     }
 }
 
-/// Why a scan could not be read. Texts quoted from a file are shortened and escaped.
+/// Why a scan could not be read. Texts quoted from a file are shortened and escaped; options are named by the fields of
+/// [`crate::ReadOptions`], and how they are typed is for the program to say.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadErrorKind {
@@ -79,9 +80,7 @@ pub enum ReadErrorKind {
     #[error("cannot be read: {0}")]
     Io(#[from] std::io::Error),
     /// The file name's extension names no format that can be read.
-    #[error(
-        "unknown extension {extension:?}; supported are {supported}; convert the file, or name its format by --format"
-    )]
+    #[error("unknown extension {extension:?}; supported are {supported}; convert the file, or name its format")]
     UnknownExtension {
         /// The extension, empty where there is none.
         extension: String,
@@ -89,12 +88,12 @@ pub enum ReadErrorKind {
         supported: String,
     },
     /// Standard input, whose name tells no format, was given without one.
-    #[error("standard input has no extension that tells its format; name it by --format")]
+    #[error("standard input has no extension that tells its format; name it")]
     FormatNeeded,
     /// Compressed data expand beyond what scans do.
     #[error(
-        "{compressed} compressed bytes expand to more than {limit}, far beyond what scans do; \
-         if they are wanted, allow more by the option --max-expand, or decompress them first"
+        "{compressed} compressed bytes expand to more than {limit}, far beyond what scans do; if they are wanted, allow more, or \
+         decompress them first"
     )]
     Expansion {
         /// Number of compressed bytes.
@@ -152,7 +151,7 @@ pub enum ReadErrorKind {
         reason: String,
     },
     /// An option was given that has no meaning for the format.
-    #[error("the option --{option} is for {of}; it has no meaning for {format}")]
+    #[error("the option `{option}` is for {of}; it has no meaning for {format}")]
     OptionOfOtherFormat {
         /// The option.
         option: &'static str,
@@ -162,14 +161,14 @@ pub enum ReadErrorKind {
         format: &'static str,
     },
     /// A column was asked for by name where none has one, or by a number that is none.
-    #[error("no line names the columns; --columns takes numbers from 1 on here, not {column:?}")]
+    #[error("no line names the columns; they are numbers from 1 on here, not {column:?}")]
     ColumnNumber {
         /// The column as given.
         column: String,
     },
     /// A column was asked for in a file whose columns have no names.
     #[error(
-        "no line names the columns, so that --{option} takes a number from 1 on; or begin the file with their names"
+        "no line names the columns, so that the option `{option}` takes a number from 1 on; or begin the file with their names"
     )]
     NoNames {
         /// The option.
@@ -233,8 +232,7 @@ pub enum ReadErrorKind {
     Utf16,
     /// Commas may be decimal ones, or stand between columns or groups of digits.
     #[error(
-        "line {line}: in {text:?} commas may be decimal ones or stand between columns or thousands; \
-         say --decimal comma or --decimal point"
+        "line {line}: in {text:?} commas may be decimal ones or stand between columns or thousands; give the decimal sign"
     )]
     AmbiguousComma {
         /// The line, counted from 1.
@@ -244,8 +242,7 @@ pub enum ReadErrorKind {
     },
     /// A number has groups of digits, where separators are not beyond doubt.
     #[error(
-        "line {line}: {text:?} has both a comma and a point; --decimal point reads its comma as one between thousands, \
-         --decimal comma its point"
+        "line {line}: {text:?} has both a comma and a point; give the decimal sign, the other one then parts thousands"
     )]
     GroupedNumber {
         /// The line, counted from 1.
@@ -253,11 +250,28 @@ pub enum ReadErrorKind {
         /// The field.
         text: String,
     },
-    /// No point has all its coordinates.
+    /// Text in which no line holds numbers, however its fields are separated.
+    #[error("no line holds numbers that stand apart; the first is line {line}: {text:?}")]
+    NoNumbers {
+        /// The first line with data, counted from 1.
+        line: usize,
+        /// The line.
+        text: String,
+    },
+    /// The header of a grid puts cells where nothing can be computed.
     #[error(
-        "none of the {rows} points has a value in all coordinates, the first is on line {line}; \
-         --columns says which columns hold them"
+        "the header of the grid puts cells at {axis} = {value:e}, beyond {limit:e}; mend its origin or the size of its cells"
     )]
+    GridRange {
+        /// `x` or `y`.
+        axis: &'static str,
+        /// The coordinate of the outermost cell.
+        value: f64,
+        /// The limit.
+        limit: f64,
+    },
+    /// No point has all its coordinates.
+    #[error("none of the {rows} points has a value in all coordinates, the first is on line {line}")]
     NoValues {
         /// Number of points.
         rows: usize,
@@ -265,7 +279,7 @@ pub enum ReadErrorKind {
         line: usize,
     },
     /// An option names more or fewer columns than what they are for has.
-    #[error("--{option} takes {expected} columns, not {given}")]
+    #[error("the option `{option}` takes {expected} columns, not {given}")]
     OptionColumns {
         /// The option.
         option: &'static str,
@@ -275,10 +289,7 @@ pub enum ReadErrorKind {
         given: usize,
     },
     /// A field of a table is not a number.
-    #[error(
-        "line {line}, column {column}: {text:?} is not a number; --columns says which columns hold the coordinates, --skip how many \
-         lines stand before the points, --decimal the decimal sign"
-    )]
+    #[error("line {line}, column {column}: {text:?} is not a number")]
     NotANumberInTable {
         /// The line, counted from 1.
         line: usize,
@@ -294,14 +305,6 @@ pub enum ReadErrorKind {
         location: Location,
         /// The field.
         text: String,
-    },
-    /// A coordinate, parameter or height is NaN or infinite.
-    #[error("{location}: value {value} is not finite; remove the point or mend the value")]
-    NonFinite {
-        /// Where.
-        location: Location,
-        /// The value.
-        value: f64,
     },
     /// A line has too few or too many values.
     #[error("line {line} has {found} values where {expected} are expected")]
@@ -368,7 +371,7 @@ pub enum ReadErrorKind {
         length: f64,
     },
     /// A PLY element lacks a property.
-    #[error("element `vertex` has no property `{property}`; its properties are: {}", found.join(", "))]
+    #[error("element `vertex` has no property `{property}`; its properties are: {}", listed(found))]
     MissingProperty {
         /// The property.
         property: &'static str,
@@ -376,10 +379,7 @@ pub enum ReadErrorKind {
         found: Vec<String>,
     },
     /// A table lacks a column.
-    #[error(
-        "no column named {}; the columns are: {}; --columns says which ones hold the coordinates, by names or numbers",
-        missing.join(", "), found.join(", ")
-    )]
+    #[error("no column named {}; the columns are: {}", missing.join(", "), found.join(", "))]
     ColumnsNotFound {
         /// Names that are looked for, and missing.
         missing: Vec<String>,
@@ -387,13 +387,13 @@ pub enum ReadErrorKind {
         found: Vec<String>,
     },
     /// A column that is needed occurs twice.
-    #[error("two columns are named {name}; --columns says by numbers which ones hold the coordinates")]
+    #[error("two columns are named {name}; take one by its number")]
     DuplicateColumn {
         /// The name.
         name: String,
     },
     /// A grid index is not a whole number.
-    #[error("line {line}: {text:?} is not a grid index; the columns of --grid hold whole numbers")]
+    #[error("line {line}: {text:?} is not a grid index; the columns of these hold whole numbers")]
     GridIndex {
         /// The line, counted from 1.
         line: usize,

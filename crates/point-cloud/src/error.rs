@@ -222,7 +222,7 @@ pub enum CloudError {
     },
     /// A cloud that consists of several large pieces.
     #[error(
-        "the cloud has {} pieces with {sizes:?} points at gaps beyond {reach:.1} spacings; fit the pieces one by one (--piece 1 takes the largest); if they are rows of \
+        "the cloud has {} pieces with {sizes:?} points at gaps beyond {reach:.1} spacings; fit the pieces one by one; if they are rows of \
          one surface, thin the points along the rows or give the grid order",
         sizes.len()
     )]

@@ -13,7 +13,8 @@ use serde::Serialize;
 
 use crate::output::{all_shown, check_parameter_format, is_directory, part_name, shown};
 use crate::{
-    Error, Event, FitOptions, OutputPaths, ParameterOptions, ReweightingReport, fit_file, write_outputs, write_text,
+    Error, Event, FitOptions, OutputPaths, ParameterOptions, PieceFits, Report, ReweightingReport, fit_file,
+    fit_pieces_file, write_outputs, write_piece_outputs, write_text,
 };
 
 /// Where the results of a batch go, and how many parts are fitted at a time.
@@ -26,7 +27,7 @@ pub struct BatchOptions {
     /// Summary of all parts, one JSON object a line in the order of the inputs. Written anew after each part, so that
     /// an interrupted batch leaves one of what is done.
     pub summary: Option<PathBuf>,
-    /// Parts fitted at a time; at least one.
+    /// Parts fitted at a time; at least one, and no more than there are threads in the pool.
     pub jobs: usize,
 }
 
@@ -72,6 +73,10 @@ pub enum PartOutcome {
         reasons: Vec<Reason>,
         /// Why the loop ended.
         stop: &'static str,
+        /// How many pieces were fitted, where each is for itself: the figures are then the sums, or those of the worst piece; absent
+        /// without.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pieces: Option<usize>,
         /// Control points.
         dofs: usize,
         /// Levels.
@@ -101,6 +106,15 @@ pub enum PartOutcome {
     },
 }
 
+/// What became of a batch.
+#[derive(Debug)]
+pub struct BatchResult {
+    /// The parts that were begun, in the order of the inputs.
+    pub parts: Vec<PartResult>,
+    /// Whether the summary could be written, the last time it was.
+    pub summary: Result<(), Error>,
+}
+
 /// Fits every input and writes its outputs. The results stand in the order of the inputs. Once `on_event` answers
 /// [`ControlFlow::Break`] parts that are being fitted are written as they are, and no other is begun.
 ///
@@ -112,7 +126,7 @@ pub fn run_batch(
     options: &FitOptions,
     batch: &BatchOptions,
     on_event: &(dyn Fn(BatchEvent<'_>) -> ControlFlow<()> + Sync),
-) -> Result<Vec<PartResult>, Error> {
+) -> Result<BatchResult, Error> {
     options.check()?;
     check_outputs(inputs, batch)?;
     let outputs: Vec<OutputPaths> = inputs
@@ -120,10 +134,12 @@ pub fn run_batch(
         .map(|input| OutputPaths::of(input, &batch.outputs, batch.report.as_deref()))
         .collect::<Result<_, _>>()?;
     let read: Vec<PathBuf> = inputs.iter().chain(options.files()).cloned().collect();
-    check_overwriting(&read, &outputs, batch.summary.as_ref())?;
+    let taken = check_overwriting(&read, &outputs, batch.summary.as_ref())?;
     let results: Mutex<Results> = Mutex::new(Results { parts: vec![None; inputs.len()], summary: Ok(()) });
     let work = |i: usize| {
-        let result = fit_part(&inputs[i], &outputs[i], options, on_event);
+        // Within the pool: the kernels of the factorization keep buffers of twice the last cache for each thread that calls them, a GB on
+        // some machines. That of a thread more for each job would not fit where the address space is bounded.
+        let result = rayon::scope(|_| fit_part(&inputs[i], &outputs[i], &taken, options, on_event));
         let further = on_event(BatchEvent::Done(&result));
         if let Ok(mut results) = results.lock() {
             results.parts[i] = Some(result);
@@ -143,14 +159,13 @@ pub fn run_batch(
         }
     };
     std::thread::scope(|scope| {
-        for _ in 1..batch.jobs.min(inputs.len()) {
+        for _ in 1..batch.jobs.min(inputs.len()).min(rayon::current_num_threads()) {
             scope.spawn(job);
         }
         job();
     });
     let Results { parts, summary } = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    summary?;
-    Ok(parts.into_iter().flatten().collect())
+    Ok(BatchResult { parts: parts.into_iter().flatten().collect(), summary })
 }
 
 /// The parts that are done, and how the last writing of the summary went.
@@ -172,39 +187,96 @@ fn write_summary(path: &Path, parts: &[Option<PartResult>]) -> Result<(), Error>
 fn fit_part(
     input: &Path,
     outputs: &OutputPaths,
+    taken: &BTreeSet<PathBuf>,
     options: &FitOptions,
     on_event: &(dyn Fn(BatchEvent<'_>) -> ControlFlow<()> + Sync),
 ) -> PartResult {
     let mut watch = |event: Event<'_>| on_event(BatchEvent::Within { input, event });
-    let fitted = outputs.check_writable().and_then(|()| fit_file(input, options, &mut watch)).and_then(|fit| {
+    let mut fit_and_write = || -> Result<(Vec<PathBuf>, PartOutcome), Error> {
+        outputs.check_writable()?;
+        if options.all_pieces {
+            let fits = fit_pieces_file(input, options, &mut watch)?;
+            return Ok((write_piece_outputs(&fits, outputs, taken)?, PartOutcome::of_pieces(&fits)));
+        }
+        let fit = fit_file(input, options, &mut watch)?;
         write_outputs(&fit, outputs)?;
-        Ok(fit.report)
+        Ok((outputs.files.iter().chain(&outputs.report).cloned().collect(), PartOutcome::of_report(fit.report)))
+    };
+    let (outputs, outcome) = fit_and_write().unwrap_or_else(|error| {
+        tracing::error!(input = %input.display(), %error, "failed");
+        (Vec::new(), PartOutcome::Failed { error: error.to_string() })
     });
-    match fitted {
-        Ok(report) => PartResult {
-            input: input.to_owned(),
-            outputs: outputs.files.iter().chain(&outputs.report).cloned().collect(),
-            outcome: PartOutcome::Fitted {
-                reached: report.result.reached,
-                verdict: report.result.verdict,
-                reasons: report.result.reasons,
-                stop: report.result.stop,
-                dofs: report.result.dofs,
-                levels: report.result.levels,
-                max: report.result.max,
-                rmse: report.result.rmse,
-                within: report.result.within,
-                tolerance: report.result.tolerance,
-                lambda: report.result.lambda,
-                reweighting: report.result.reweighting.map(Box::new),
-                seconds: report.result.seconds,
-                warnings: report.warnings,
-            },
-        },
-        Err(error) => {
-            tracing::error!(input = %input.display(), %error, "failed");
-            let outcome = PartOutcome::Failed { error: error.to_string() };
-            PartResult { input: input.to_owned(), outputs: Vec::new(), outcome }
+    PartResult { input: input.to_owned(), outputs, outcome }
+}
+
+impl PartOutcome {
+    fn of_report(report: Report) -> Self {
+        Self::Fitted {
+            reached: report.result.reached,
+            verdict: report.result.verdict,
+            reasons: report.result.reasons,
+            stop: report.result.stop,
+            pieces: None,
+            dofs: report.result.dofs,
+            levels: report.result.levels,
+            max: report.result.max,
+            rmse: report.result.rmse,
+            within: report.result.within,
+            tolerance: report.result.tolerance,
+            lambda: report.result.lambda,
+            reweighting: report.result.reweighting.map(Box::new),
+            seconds: report.result.seconds,
+            warnings: report.warnings,
+        }
+    }
+
+    /// Of all pieces: failed if one could not be fitted, else as bad as the worst one.
+    fn of_pieces(fits: &PieceFits) -> Self {
+        if let Some(error) = fits.error() {
+            return Self::Failed { error };
+        }
+        let of_piece = |number: usize, text: &str| format!("piece {number}: {text}");
+        let (mut reasons, mut warnings) = (Vec::new(), fits.warnings.clone());
+        let (mut dofs, mut levels, mut points) = (0, 0, 0.0);
+        let (mut within, mut squares, mut seconds) = (0.0, 0.0, 0.0);
+        let mut worst: Option<&Report> = None;
+        for (number, report) in fits.fitted().map(|(number, fit)| (number, &fit.report)) {
+            let result = &report.result;
+            reasons.extend(
+                result.reasons.iter().map(|reason| Reason { text: of_piece(number, &reason.text), ..reason.clone() }),
+            );
+            warnings.extend(report.warnings.iter().map(|warning| of_piece(number, warning)));
+            let count = report.input.fitted_points as f64;
+            dofs += result.dofs;
+            levels = levels.max(result.levels);
+            points += count;
+            within += count * result.within;
+            squares += count * result.mse;
+            seconds += result.seconds;
+            // Of equal verdicts the piece that misses its tolerance by most.
+            let rank = |report: &Report| (report.result.verdict, report.result.max / report.result.tolerance);
+            let is_worse = |other: &Report| rank(other) < rank(report);
+            worst = worst.filter(|other| !is_worse(other)).or(Some(report));
+        }
+        let Some(Report { result: worst, .. }) = worst else {
+            return Self::Failed { error: "no piece is left".to_owned() };
+        };
+        Self::Fitted {
+            reached: worst.reached,
+            verdict: worst.verdict,
+            reasons,
+            stop: worst.stop,
+            pieces: Some(fits.pieces.len()),
+            dofs,
+            levels,
+            max: worst.max,
+            rmse: (squares / points).sqrt(),
+            within: within / points,
+            tolerance: worst.tolerance,
+            lambda: worst.lambda,
+            reweighting: None,
+            seconds,
+            warnings,
         }
     }
 }
@@ -244,14 +316,15 @@ pub fn check_parameter_outputs(
     let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
     let read: Vec<PathBuf> =
         std::iter::once(input).chain(options.files().map(PathBuf::as_path)).map(Path::to_owned).collect();
-    check_overwriting(&read, &[paths], None)
+    check_overwriting(&read, &[paths], None).map(drop)
 }
 
+/// Checks that no output is an input or another output; returns what all of them are known by.
 pub(crate) fn check_overwriting(
     inputs: &[PathBuf],
     outputs: &[OutputPaths],
     summary: Option<&PathBuf>,
-) -> Result<(), Error> {
+) -> Result<BTreeSet<PathBuf>, Error> {
     let read: BTreeSet<PathBuf> = inputs.iter().map(|input| identity(input)).collect();
     let mut written = BTreeSet::new();
     for path in outputs.iter().flat_map(|paths| paths.files.iter().chain(&paths.report)).chain(summary) {
@@ -263,11 +336,12 @@ pub(crate) fn check_overwriting(
             return Err(Error::OutputTwice { path: path.clone() });
         }
     }
-    Ok(())
+    written.extend(read);
+    Ok(written)
 }
 
 /// The same for all names of a file, also of one that is not there yet in a directory that is, or at the end of a link.
-fn identity(path: &Path) -> PathBuf {
+pub(crate) fn identity(path: &Path) -> PathBuf {
     let path = &target_of(path).unwrap_or_else(|_| path.to_owned());
     let of_parent = || {
         let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -297,7 +371,7 @@ mod tests {
             BatchEvent::Within { event: Event::Iteration(_), .. } | BatchEvent::Done(_) => ControlFlow::Break(()),
             BatchEvent::Within { .. } => ControlFlow::Continue(()),
         };
-        let results = run_batch(&inputs, &options, &batch, &observer).unwrap();
+        let results = run_batch(&inputs, &options, &batch, &observer).unwrap().parts;
         assert_eq!(results.len(), 1);
         assert!(matches!(results[0].outcome, PartOutcome::Fitted { stop: "interrupted", reached: false, .. }));
         assert!(out.join("first.step").is_file() && !out.join("second.step").exists());

@@ -107,23 +107,8 @@ pub(crate) struct Found {
 pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Cleaned, Error> {
     let m = scan.cloud.points.nrows();
     let spreads = is_height_field(&scan, options);
-    let mut cleaned = Cleaned {
-        scan,
-        found: Found::default(),
-        report: CleaningReport::default(),
-        gaps: Vec::new(),
-        neighbours: None,
-    };
-    if let Some(crop) = options.crop {
-        let points = &cleaned.scan.cloud.points;
-        let kept = (0..m).filter(|&i| crop.holds(points[[i, 0]], points[[i, 1]])).collect();
-        cleaned.keep(kept, "--crop")?;
-    }
-    if let Some(path) = &options.mask {
-        let _ = watch(Event::Step("masking"));
-        let kept = unmasked(path, &cleaned.scan)?;
-        cleaned.keep(kept, "--mask")?;
-    }
+    let mut cleaned = Cleaned::new(scan);
+    cleaned.crop_and_mask(options, watch)?;
     let asked = |what| options.clean.contains(&what);
     cleaned.report.given = cleaned.scan.rows.len();
     let is_free = !asked(Clean::Nothing);
@@ -166,6 +151,27 @@ pub(crate) fn clean(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     }
     cleaned.scan.notes.extend(cleaned.report.warnings());
     Ok(cleaned)
+}
+
+/// A scan in pieces.
+pub(crate) struct Pieced {
+    /// What options that crop and mask leave of it.
+    pub(crate) scan: Scan,
+    /// The piece of each point, the largest being 0; none for points without triangles in a mesh.
+    pub(crate) piece_of: Vec<Option<usize>>,
+    /// Triangles of each piece, of a cloud points, largest first.
+    pub(crate) sizes: Vec<usize>,
+    /// `mesh` or `cloud`.
+    pub(crate) what: &'static str,
+}
+
+/// Crops and masks a scan and finds its pieces.
+pub(crate) fn split(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<Pieced, Error> {
+    let mut cleaned = Cleaned::new(scan);
+    cleaned.crop_and_mask(options, watch)?;
+    let _ = watch(Event::Step("looking for pieces"));
+    let (MeshPieces { piece_of, sizes }, what) = cleaned.pieces()?;
+    Ok(Pieced { scan: cleaned.scan, piece_of, sizes, what })
 }
 
 /// Whether x and y are the parameters of a scan.
@@ -232,6 +238,25 @@ pub(crate) fn is_laid_out_by_shape(options: &ParameterOptions) -> bool {
 }
 
 impl Cleaned {
+    fn new(scan: Scan) -> Self {
+        let (found, report) = (Found::default(), CleaningReport::default());
+        Self { scan, found, report, gaps: Vec::new(), neighbours: None }
+    }
+
+    fn crop_and_mask(&mut self, options: &ParameterOptions, watch: &mut Watch<'_>) -> Result<(), Error> {
+        if let Some(crop) = options.crop {
+            let points = &self.scan.cloud.points;
+            let kept = (0..points.nrows()).filter(|&i| crop.holds(points[[i, 0]], points[[i, 1]])).collect();
+            self.keep(kept, "--crop")?;
+        }
+        if let Some(path) = &options.mask {
+            let _ = watch(Event::Step("masking"));
+            let kept = unmasked(path, &self.scan)?;
+            self.keep(kept, "--mask")?;
+        }
+        Ok(())
+    }
+
     /// Keeps points, which loses the order of a grid, and triangles of which all vertices stay.
     fn keep(&mut self, kept: Vec<usize>, option: &'static str) -> Result<(), Error> {
         let given = self.scan.rows.len();
@@ -372,15 +397,20 @@ impl Cleaned {
         }
     }
 
+    /// The pieces, by triangles or by points, and what they are pieces of: `mesh` or `cloud`.
+    fn pieces(&mut self) -> Result<(MeshPieces, &'static str), Error> {
+        Ok(match mesh_pieces(&self.scan)? {
+            Some(pieces) => (pieces, "mesh"),
+            None => {
+                let CloudPieces { piece_of, sizes, .. } = self.cloud_pieces()?;
+                (MeshPieces { piece_of: piece_of.into_iter().map(Some).collect(), sizes }, "cloud")
+            }
+        })
+    }
+
     /// Keeps one piece, counted from 1.
     fn keep_piece(&mut self, asked: usize) -> Result<(), Error> {
-        let (piece_of, sizes, what) = match mesh_pieces(&self.scan)? {
-            Some(MeshPieces { piece_of, sizes }) => (piece_of, sizes, "mesh"),
-            None => {
-                let pieces = self.cloud_pieces()?;
-                (pieces.piece_of.into_iter().map(Some).collect(), pieces.sizes, "cloud")
-            }
-        };
+        let (MeshPieces { piece_of, sizes }, what) = self.pieces()?;
         if asked > sizes.len() {
             return Err(Error::NoSuchPiece { asked, what, sizes });
         }

@@ -2,7 +2,11 @@
 
 use std::path::PathBuf;
 
+use geom_io::ReadError;
+use point_cloud::CloudError;
 use thiserror::Error;
+
+use crate::hints;
 
 /// Most pieces of which the sizes are listed.
 const LISTED: usize = 8;
@@ -25,13 +29,18 @@ fn listed(sizes: &[usize], what: &str) -> String {
     format!("{} {pieces} with [{}] {what}", sizes.len(), shown.join(", "))
 }
 
+/// The size of a piece, in words.
+pub(crate) fn size_of_piece(size: usize, is_mesh: bool) -> String {
+    format!("{size} {}", if is_mesh { "triangles" } else { "points" })
+}
+
 /// Errors of this crate.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A cloud or mesh could not be read.
-    #[error(transparent)]
-    Read(#[from] geom_io::ReadError),
+    #[error("{error}{hint}", error = .0, hint = hints::of_reading(&.0.kind))]
+    Read(ReadError),
     /// A mesh or report could not be written.
     #[error(transparent)]
     Write(#[from] geom_io::WriteError),
@@ -42,8 +51,8 @@ pub enum Error {
     #[error(transparent)]
     Deviation(#[from] deviation::Error),
     /// The points cannot be fitted, or the mesh is no disk.
-    #[error(transparent)]
-    Cloud(#[from] point_cloud::CloudError),
+    #[error("{error}{hint}", error = .0, hint = hints::of_cloud(.0))]
+    Cloud(CloudError),
     /// No parameters could be found.
     #[error(transparent)]
     Parameterization(#[from] param_classic::ParamError),
@@ -169,7 +178,7 @@ pub enum Error {
     },
     /// A mesh of several pieces, each too large to be stray.
     #[error(
-        "the mesh has {}; --piece 1 fits the largest of them, --piece 2 the next, --clean stray removes all but the largest",
+        "the mesh has {}; --piece 1 fits the largest of them, --piece 2 the next, --piece all each for itself, --clean stray removes all but the largest",
         pieces_of(sizes)
     )]
     SeveralPieces {
@@ -185,6 +194,15 @@ pub enum Error {
         what: &'static str,
         /// Triangles or points of each piece, largest first.
         sizes: Vec<usize>,
+    },
+    /// A piece that was left when the run was interrupted.
+    #[error("it was not begun: the run was interrupted")]
+    NotBegun,
+    /// A file that pieces need stands there as an input, or is written for another part.
+    #[error("{}: this is an input or another output, and would be overwritten by that of a piece; choose another name for --output", path.display())]
+    PieceOutput {
+        /// The file.
+        path: PathBuf,
     },
     /// An option left out all points.
     #[error("{option} leaves none of the {given} points; check that it is in the units of the file")]
@@ -395,5 +413,18 @@ impl Error {
             Self::Parameterization(error) => Self::Parameterization(error.renumbered(number)),
             other => other,
         }
+    }
+}
+
+// Both say everything themselves, with their hints: as sources they would say it again.
+impl From<ReadError> for Error {
+    fn from(error: ReadError) -> Self {
+        Self::Read(error)
+    }
+}
+
+impl From<CloudError> for Error {
+    fn from(error: CloudError) -> Self {
+        Self::Cloud(error)
     }
 }

@@ -313,7 +313,10 @@ pub fn info(path: &Path, read: &ReadOptions) -> Result<Info, Error> {
     let pieces = mesh_pieces(&scan).unwrap_or(None);
     let mut notes = scan.notes;
     if let Some(MeshPieces { sizes, .. }) = pieces.filter(|pieces| pieces.sizes.len() > 1) {
-        notes.push(format!("the mesh has {}; thb fit --piece 1 fits the largest of them", pieces_of(&sizes)));
+        notes.push(format!(
+            "the mesh has {}; thb fit --piece 1 fits the largest of them, --piece all each",
+            pieces_of(&sizes)
+        ));
     }
     notes.extend(units::hint(None, scan.unit, far.bounds.diagonal()));
     if let [first, ..] = far.rows[..] {

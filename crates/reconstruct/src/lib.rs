@@ -29,6 +29,7 @@ mod densify;
 mod error;
 mod fit;
 mod fitting;
+mod hints;
 mod inspect;
 mod judge;
 mod mesh;
@@ -38,6 +39,7 @@ mod output;
 mod parameter_options;
 mod parameters;
 mod picture;
+mod pieces;
 mod quasi;
 mod report;
 mod reweighting;
@@ -46,7 +48,7 @@ mod trim;
 mod units;
 mod watch;
 
-pub use batch::{BatchEvent, BatchOptions, PartOutcome, PartResult, check_parameter_outputs, run_batch};
+pub use batch::{BatchEvent, BatchOptions, BatchResult, PartOutcome, PartResult, check_parameter_outputs, run_batch};
 pub use clean::CleaningReport;
 pub use curve::{
     ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveLimits, CurveOptions, CurveParameters,
@@ -62,7 +64,7 @@ pub use options::{
     Tolerance,
 };
 pub use orientation::NormalsReport;
-pub use output::{OutputPaths, write_outputs, write_parameters, write_report, write_text};
+pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};
 pub use parameter_options::{
     Clean, Closed, Crop, Domain, GivenCorners, Networks, ParameterChoice, ParameterOptions, RadiusChoice, Refine,
     SideRule,
@@ -72,6 +74,7 @@ pub use parameters::{
     parameterize, parameterize_file,
 };
 pub use picture::draw_parameters;
+pub use pieces::{PieceFit, PieceFits, PieceReport, PiecesReport, fit_pieces, fit_pieces_file};
 pub use quasi::{LocalRule, QuasiOptions, QuasiReport};
 pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, layout_report,

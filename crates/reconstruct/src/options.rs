@@ -47,6 +47,8 @@ pub struct FitOptions {
     pub within: f64,
     /// What of a mesh is fitted.
     pub samples: Samples,
+    /// Whether every piece of the mesh or cloud is fitted for itself; see [`crate::fit_pieces`].
+    pub all_pieces: bool,
     /// Largest number of levels, level 0 included.
     pub levels: usize,
     /// Largest number of control points of the hierarchical surface; `None` for the number of points.
@@ -92,6 +94,7 @@ impl Default for FitOptions {
             tol: Tolerance::Auto,
             within: 0.95,
             samples: Samples::Area,
+            all_pieces: false,
             levels: 7,
             max_dofs: None,
             max_step_control_points: 20_000,
@@ -187,6 +190,16 @@ impl FitOptions {
     /// [`Error::OptionRange`].
     pub fn check(&self) -> Result<(), Error> {
         self.parameters.check()?;
+        let names_points = self.parameters.corners.is_some()
+            || self.parameters.outline.is_some()
+            || matches!(self.reweighting.markers, Some(MarkerChoice::File(_)));
+        let of_one = !self.all_pieces || !names_points && self.parameters.piece.is_none();
+        range(
+            "--piece",
+            "all".to_owned(),
+            "a number beside --corners, --outline and a file of --markers, which name points of one piece",
+            of_one,
+        )?;
         self.quasi.check()?;
         self.reweighting.check(self.method)?;
         let degrees = self.degree.0.iter().all(|p| (1..=MAX_DEGREE).contains(p));

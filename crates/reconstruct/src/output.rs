@@ -1,16 +1,19 @@
 //! Results in files.
 
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use geom_io::{
-    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, WriteOptions, check_writable,
-    write_atomically, write_mesh, write_model,
+    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, StepSurface, WriteOptions,
+    check_writable, write_atomically, write_mesh, write_model, write_step,
 };
+use ndarray::{Array1, Array2, Axis};
 use serde::{Serialize, Serializer};
 
+use crate::batch::identity;
 use crate::mesh::{nearest_errors, tessellate};
-use crate::{Error, Fit, Parameterized, draw_parameters};
+use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters};
 
 /// Where the results of one part go.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -101,26 +104,101 @@ fn is_output_file(path: &Path) -> bool {
 pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
     for path in &outputs.files {
         make_parent(path)?;
-        if ModelFormat::from_path(path).is_some() {
-            let step = StepOptions {
-                max_control_points: fit.report.options.max_step_control_points,
-                holes: fit.holes.clone(),
-                flip: fit.reversed,
-                ..StepOptions::default()
-            };
-            write_model(path, &fit.model, &WriteOptions { step, ..WriteOptions::default() })?;
-        } else {
-            let (mesh, parameters) = tessellate(fit.surface(), fit.reversed)?;
-            let values = nearest_errors(fit, &parameters);
-            let scalars = Some(Scalars { name: "deviation", values: values.view() });
-            let mesh = MeshWithScalars { vertices: mesh.vertices.view(), triangles: &mesh.triangles, scalars };
-            write_mesh(path, &mesh, &MeshStyle::default())?;
+        match ModelFormat::from_path(path) {
+            Some(_) => {
+                let step = step_options(fit);
+                write_model(path, &fit.model, &WriteOptions { step, ..WriteOptions::default() })?;
+            }
+            None => write_meshes(path, &[fit])?,
         }
     }
     match &outputs.report {
         Some(path) => write_report(path, &fit.report),
         None => Ok(()),
     }
+}
+
+/// Writes the surfaces of pieces, each file complete or not at all, and makes the directories they lie in; returns the files. A STEP file
+/// holds a shell a piece, a mesh all triangles. Formats of one model each, JSON and G+Smo XML, get a file a piece, `NAME.piece-1.json`
+/// and so on, none of which may be among the `taken` ones.
+///
+/// # Errors
+/// [`Error::PieceOutput`], [`Error::Model`], [`Error::Write`], [`Error::Io`].
+pub fn write_piece_outputs(
+    fits: &PieceFits,
+    outputs: &OutputPaths,
+    taken: &BTreeSet<PathBuf>,
+) -> Result<Vec<PathBuf>, Error> {
+    let fitted: Vec<(usize, &Fit)> = fits.fitted().collect();
+    let is_apart = |path: &&PathBuf| ModelFormat::from_path(path).is_some_and(|format| format != ModelFormat::Step);
+    for path in outputs.files.iter().filter(is_apart) {
+        let mut names = fitted.iter().map(|(number, _)| of_piece(path, *number));
+        if let Some(path) = names.find(|path| taken.contains(&identity(path))) {
+            return Err(Error::PieceOutput { path });
+        }
+    }
+    let mut written = Vec::new();
+    for path in outputs.files.iter().filter(|_| !fitted.is_empty()) {
+        make_parent(path)?;
+        match ModelFormat::from_path(path) {
+            Some(ModelFormat::Step) => {
+                let options: Vec<StepOptions> = fitted.iter().map(|(_, fit)| step_options(fit)).collect();
+                let surfaces = fitted.iter().zip(&options);
+                let surfaces = surfaces.map(|((_, fit), options)| StepSurface { map: fit.surface(), options });
+                let surfaces: Vec<StepSurface<'_>> = surfaces.collect();
+                write_step(path, &surfaces, fitted[0].1.model.unit)?;
+                written.push(path.clone());
+            }
+            Some(_) => {
+                for (number, fit) in &fitted {
+                    let path = of_piece(path, *number);
+                    write_model(&path, &fit.model, &WriteOptions::default())?;
+                    written.push(path);
+                }
+            }
+            None => {
+                write_meshes(path, &fitted.iter().map(|(_, fit)| *fit).collect::<Vec<_>>())?;
+                written.push(path.clone());
+            }
+        }
+    }
+    if let Some(path) = &outputs.report {
+        write_report(path, &fits.report())?;
+        written.push(path.clone());
+    }
+    Ok(written)
+}
+
+/// The name of a file for one piece.
+fn of_piece(path: &Path, number: usize) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(format!(".piece-{number}."));
+    name.push(path.extension().unwrap_or_default());
+    path.with_file_name(name)
+}
+
+fn step_options(fit: &Fit) -> StepOptions {
+    StepOptions {
+        max_control_points: fit.report.options.max_step_control_points,
+        holes: fit.holes.clone(),
+        flip: fit.reversed,
+        ..StepOptions::default()
+    }
+}
+
+/// Writes surfaces as one mesh, with the distance of the nearest fitted point at each vertex.
+fn write_meshes(path: &Path, fits: &[&Fit]) -> Result<(), Error> {
+    let (mut vertices, mut triangles, mut values) = (Array2::zeros((0, 3)), Vec::new(), Array1::zeros(0));
+    for fit in fits {
+        let (mesh, parameters) = tessellate(fit.surface(), fit.reversed)?;
+        let first = vertices.nrows() as u32;
+        triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(|corner| first + corner)));
+        vertices.append(Axis(0), mesh.vertices.view()).expect("a fit is in space");
+        values.append(Axis(0), nearest_errors(fit, &parameters).view()).expect("a row of values");
+    }
+    let scalars = Some(Scalars { name: "deviation", values: values.view() });
+    let mesh = MeshWithScalars { vertices: vertices.view(), triangles: &triangles, scalars };
+    Ok(write_mesh(path, &mesh, &MeshStyle::default())?)
 }
 
 /// Writes anything serializable as indented JSON.

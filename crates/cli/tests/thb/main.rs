@@ -4,6 +4,7 @@ mod bad_scans;
 mod batch;
 mod closed;
 mod curves;
+mod full_disk;
 mod inputs;
 mod invariance;
 mod kept;

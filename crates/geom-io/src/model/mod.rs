@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use thb_core::SplineMap;
 
 pub use error::{ModelError, ModelErrorKind};
-pub use step::StepOptions;
+pub use step::{StepOptions, StepSurface};
 pub use svg::{GRAPH, SvgOptions};
 
 use crate::read::read_bytes;
@@ -172,11 +172,7 @@ pub fn write_model(path: &Path, model: &Model, options: &WriteOptions) -> Result
             ModelFormat::Json => write_atomically(path, |out| json::write_json(out, model))?,
             ModelFormat::GismoXml => write_atomically(path, |out| gismo::write_gismo(out, model))?,
             ModelFormat::Step => {
-                let mut options = options.step.clone();
-                if options.file_name.is_empty() {
-                    options.file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                }
-                let file = step::StepFile::new(model, &options)?;
+                let file = step::StepFile::new(model, &named(path, &options.step))?;
                 write_atomically(path, |out| file.write(out))?;
             }
             ModelFormat::Svg => {
@@ -191,6 +187,31 @@ pub fn write_model(path: &Path, model: &Model, options: &WriteOptions) -> Result
         Ok(())
     };
     write().map_err(|kind| ModelError { path: path.to_owned(), kind })
+}
+
+/// Writes several surfaces, with coordinates in one unit, into one STEP file, whole or not at all: each becomes a shell.
+///
+/// # Errors
+/// [`ModelError`] with what the system says, or what the format cannot hold.
+pub fn write_step(path: &Path, surfaces: &[StepSurface<'_>], unit: LengthUnit) -> Result<(), ModelError> {
+    let write = || -> Result<(), ModelErrorKind> {
+        let options: Vec<StepOptions> = surfaces.iter().map(|surface| named(path, surface.options)).collect();
+        let named = surfaces.iter().zip(&options);
+        let surfaces: Vec<StepSurface<'_>> =
+            named.map(|(&StepSurface { map, .. }, options)| StepSurface { map, options }).collect();
+        let file = step::StepFile::of_surfaces(&surfaces, unit)?;
+        Ok(write_atomically(path, |out| file.write(out))?)
+    };
+    write().map_err(|kind| ModelError { path: path.to_owned(), kind })
+}
+
+/// Options with the name of the file, where they have none.
+fn named(path: &Path, options: &StepOptions) -> StepOptions {
+    let mut options = options.clone();
+    if options.file_name.is_empty() {
+        options.file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    }
+    options
 }
 
 /// Reads a model from a `.json` or `.xml` file.

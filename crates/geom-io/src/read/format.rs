@@ -30,6 +30,8 @@ pub enum Format {
     EsriGrid,
     /// Surfer text grid of heights.
     SurferGrid,
+    /// GeoTIFF with one band of heights.
+    GeoTiff,
     /// Leica PTX: scans in rows and columns with their poses, as text.
     Ptx,
     /// Point Cloud Data of the Point Cloud Library: ASCII, binary, or compressed binary.
@@ -44,7 +46,7 @@ pub enum Format {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Ply,
         Self::Obj,
         Self::Off,
@@ -55,6 +57,7 @@ impl Format {
         Self::Csv,
         Self::EsriGrid,
         Self::SurferGrid,
+        Self::GeoTiff,
         Self::Ptx,
         Self::Pcd,
         Self::Las,
@@ -75,6 +78,7 @@ impl Format {
             Self::Csv => "CSV",
             Self::EsriGrid => "ESRI ASCII grid",
             Self::SurferGrid => "Surfer grid",
+            Self::GeoTiff => "GeoTIFF",
             Self::Ptx => "PTX",
             Self::Pcd => "PCD",
             Self::Las => "LAS",
@@ -96,6 +100,7 @@ impl Format {
             Self::Csv => &["csv"],
             Self::EsriGrid => &["asc"],
             Self::SurferGrid => &["grd"],
+            Self::GeoTiff => &["tif", "tiff"],
             Self::Ptx => &["ptx"],
             Self::Pcd => &["pcd"],
             Self::Las => &["las", "laz"],
@@ -129,7 +134,7 @@ impl Format {
 
     /// Whether the first bytes of the format's files are text, at whose start a byte order mark may stand.
     pub(super) fn opens_with_text(self) -> bool {
-        !matches!(self, Self::Stl | Self::Glb | Self::ThreeMf | Self::Las | Self::E57)
+        !matches!(self, Self::Stl | Self::Glb | Self::ThreeMf | Self::GeoTiff | Self::Las | Self::E57)
     }
 }
 

@@ -3,7 +3,7 @@
 use ndarray::Array2;
 use roxmltree::{Document, Node};
 
-use super::text::{finite, parse_count, parse_number, quote};
+use super::text::{number_or_nan, parse_count, quote};
 use super::{Format, Scan, xml};
 use crate::error::{Location, ReadErrorKind};
 
@@ -37,7 +37,13 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     };
     let parameters = read_matrix(only(PARAMETERS)?, PARAMETERS)?;
     let points = read_matrix(only(POINTS)?, POINTS)?;
-    let (parameters, points) = as_rows(parameters, points)?;
+    let (parameters, mut points) = as_rows(parameters, points)?;
+    // A point without parameters is as one without coordinates: it is left out.
+    for (mut point, parameters) in points.outer_iter_mut().zip(parameters.outer_iter()) {
+        if parameters.iter().any(|parameter| parameter.is_nan()) {
+            point.fill(f64::NAN);
+        }
+    }
 
     let mut scan = Scan::new(Format::GismoXml, points);
     scan.cloud.parameters = Some(parameters);
@@ -63,11 +69,9 @@ fn read_matrix(node: Node<'_, '_>, id: usize) -> Result<Array2<f64>, ReadErrorKi
     for text in node.children().filter_map(|child| child.is_text().then(|| child.text()).flatten()) {
         for field in text.split_ascii_whitespace() {
             let location = Location::MatrixValue { id, index: values.len() };
-            let value = parse_number(field.as_bytes()).ok_or_else(|| ReadErrorKind::NotANumber {
-                location: location.clone(),
-                text: quote(field.as_bytes()),
-            })?;
-            values.push(finite(value, || location)?);
+            let value = number_or_nan(field.as_bytes())
+                .ok_or_else(|| ReadErrorKind::NotANumber { location, text: quote(field.as_bytes()) })?;
+            values.push(value);
         }
     }
     let found = values.len();

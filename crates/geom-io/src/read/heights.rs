@@ -1,10 +1,10 @@
-//! Grids of heights in text: what ESRI's and Surfer's have in common.
+//! Grids of heights: what those of ESRI, Surfer and GeoTIFF have in common.
 
-use point_cloud::GridShape;
+use point_cloud::{GridShape, MAX_COORDINATE};
 
 use super::number::{Decimal, NumberStyle, Value, is_declared};
 use super::text::{Lines, parse_count};
-use super::{Format, Scan, rows};
+use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
 
 /// Centres of the cells along one direction.
@@ -55,13 +55,33 @@ impl NoData {
     }
 }
 
-/// Reads the heights. Points are the cells' centres, parameters `(i/(n_u−1), j/(n_v−1))`: 0 and 1 at the outermost centres.
+impl Grid {
+    /// Checks that there are enough cells, none of them too far away.
+    pub(super) fn check(&self) -> Result<(), ReadErrorKind> {
+        let (n_u, n_v) = (self.x.count, self.y.count);
+        if n_u.min(n_v) < 2 {
+            return Err(ReadErrorKind::GridTooSmall { n_u, n_v });
+        }
+        for (axis, name) in [(self.x, "x"), (self.y, "y")] {
+            let ends = [axis.centre(0), axis.centre(axis.count - 1)];
+            if let Some(&value) = ends.iter().find(|value| value.is_nan() || value.abs() > MAX_COORDINATE) {
+                return Err(ReadErrorKind::GridRange { axis: name, value, limit: MAX_COORDINATE });
+            }
+        }
+        Ok(())
+    }
+
+    /// A height as it is kept: NaN where there is none.
+    pub(super) fn height(&self, value: f64) -> f64 {
+        if self.no_data.holds(value) { f64::NAN } else { value }
+    }
+}
+
+/// Reads the heights from text.
 pub(super) fn read(lines: Lines<'_>, grid: &Grid, decimal: Decimal) -> Result<Scan, ReadErrorKind> {
+    grid.check()?;
     let style = NumberStyle { decimal, grouped: false };
     let (n_u, n_v) = (grid.x.count, grid.y.count);
-    if n_u.min(n_v) < 2 {
-        return Err(ReadErrorKind::GridTooSmall { n_u, n_v });
-    }
     let cells = n_u.saturating_mul(n_v);
     let mut heights = Vec::new();
     // A cell takes two bytes at least, its digit and a blank. NaN marks one without data.
@@ -71,8 +91,8 @@ pub(super) fn read(lines: Lines<'_>, grid: &Grid, decimal: Decimal) -> Result<Sc
     while let Some(line) = lines.next_filled() {
         for field in line.fields() {
             heights.push(match style.value(field) {
-                Value::Number(value) if !grid.no_data.holds(value) => value,
-                Value::Number(_) | Value::Missing => f64::NAN,
+                Value::Number(value) => grid.height(value),
+                Value::Missing => f64::NAN,
                 Value::Words => return Err(line.not_a_number(field)),
             });
         }
@@ -84,9 +104,16 @@ pub(super) fn read(lines: Lines<'_>, grid: &Grid, decimal: Decimal) -> Result<Sc
         found if found > cells => return Err(ReadErrorKind::Surplus { expected: cells, found }),
         _ => {}
     }
+    scan(&heights, grid)
+}
 
-    let (mut points, mut parameters) = (Vec::with_capacity(3 * cells), Vec::with_capacity(2 * cells));
-    let mut numbers = Vec::with_capacity(cells);
+/// The scan of a grid with all its heights, in the order of the file, NaN where there is none. Points are the cells' centres, parameters
+/// `(i/(n_u−1), j/(n_v−1))`: 0 and 1 at the outermost centres.
+pub(super) fn scan(heights: &[f64], grid: &Grid) -> Result<Scan, ReadErrorKind> {
+    let (n_u, n_v) = (grid.x.count, grid.y.count);
+    let cells = heights.len();
+    let (mut points, mut parameters) = (with_room(3 * cells)?, with_room(2 * cells)?);
+    let mut numbers = with_room(cells)?;
     for i in 0..n_u {
         for j in 0..n_v {
             let row = if grid.from_north { n_v - 1 - j } else { j };

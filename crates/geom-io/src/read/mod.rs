@@ -5,6 +5,7 @@ mod decoder;
 mod e57;
 mod faces;
 mod format;
+mod geotiff;
 mod gismo;
 mod glb;
 mod height_field;
@@ -63,7 +64,7 @@ pub struct ReadOptions {
     pub classes: Vec<u8>,
     /// Column of a CSV file that holds the confidence in each point, a name or a number from 1 on; `None` reads none.
     pub weights: Option<String>,
-    /// How many times their own size compressed data (gzip, zip, LAZ, 3MF) may expand to; `None` for 200. A MiB is always allowed.
+    /// How many times their own size compressed data (gzip, zip, LAZ, 3MF, GeoTIFF) may expand to; `None` for 200. A MiB is always allowed.
     pub max_expand: Option<usize>,
     /// Whether x and y, each from 0 to 1 over its own extent, become the parameters of points that have none.
     pub height_field: bool,
@@ -75,7 +76,7 @@ pub struct Scan {
     /// The points that were read, in the order of the file; a grid in row order (see [`PointCloud::grid`]).
     /// Coordinates and parameters are as in the file and finite.
     pub cloud: PointCloud,
-    /// Which of the points of the file each one is, from 0; of those of all scans of an E57 file, of the cells of an ESRI grid line by line.
+    /// Which of the points of the file each one is, from 0; of those of all scans of an E57 file, of the cells of a grid of heights line by line.
     /// Differs from its place where points were left out, and where those of a grid were sorted.
     pub rows: Vec<u32>,
     /// Triangles of a mesh whose vertices are the points; indices are in range.
@@ -93,7 +94,7 @@ pub struct Scan {
     pub(crate) lines: RowLines,
     /// Size of the cells of a grid of heights along x and y.
     pub cell: Option<[f64; 2]>,
-    /// Length unit of the coordinates, where the file tells it: E57, 3MF, and LAS with a coordinate system.
+    /// Length unit of the coordinates, where the file tells it: E57, 3MF, and LAS and GeoTIFF with a coordinate system.
     pub unit: Option<LengthUnit>,
     /// The format that was read.
     pub format: Format,
@@ -266,6 +267,7 @@ fn parse_unpacked(unpacked: Unpacked<'_>, format: Format, options: &ReadOptions)
         Format::Xyz | Format::Csv | Format::EsriGrid | Format::SurferGrid | Format::Ptx => {
             by_content(bytes, format, options)
         }
+        Format::GeoTiff => geotiff::read(bytes, &mut budget),
         Format::Pcd => pcd::read(bytes),
         Format::Las => las::read(bytes, &options.classes, &mut budget),
         Format::E57 => e57::read(bytes),
@@ -351,8 +353,16 @@ fn with_room<T>(count: usize) -> Result<Vec<T>, ReadErrorKind> {
 fn by_content(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
     // DOS ends a text by this sign.
     let bytes = bytes.strip_suffix(b"\x1a").unwrap_or(bytes);
-    let lines = Lines::after(bytes, options.skip);
-    let first = lines.clone().next_filled();
+    let (bytes, latin_from) = text::decoded(bytes);
+    let mut scan = by_opening(Lines::after(&bytes, options.skip), format, options)?;
+    if let Some(line) = latin_from {
+        scan.notes.push(format!("line {line} is not in UTF-8; the file was read as Latin-1"));
+    }
+    Ok(scan)
+}
+
+fn by_opening(lines: Lines<'_>, format: Format, options: &ReadOptions) -> Result<Scan, ReadErrorKind> {
+    let first = lines.clone().next_data(table::before_comment);
     if surfer::opens(lines.rest()) || format == Format::SurferGrid {
         surfer::read(lines, options)
     } else if first.is_some_and(asc::opens) {

@@ -1,9 +1,10 @@
 //! Object File Format: a line of counts, a line for each vertex, a line for each face.
 //!
-//! The prefixes `C` (colour), `N` (normal) and `ST` (texture) add numbers behind the coordinates, which are ignored.
+//! The prefixes `N` (normal), `C` (colour) and `ST` (texture) add numbers behind the coordinates, in this order: normals are read, the
+//! others ignored.
 
 use super::faces::{Faces, vertex_index};
-use super::text::{Line, Lines, before_hash, parse_count};
+use super::text::{Line, Lines, before_hash, number_or_nan, parse_count};
 use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
 
@@ -17,9 +18,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     let first = next_line().ok_or(ReadErrorKind::NoPoints)?;
     let mut fields = first.fields();
     let has_keyword = !is_counts(first);
-    if has_keyword {
-        check_keyword(first, fields.next().unwrap_or_default())?;
-    }
+    let has_normals = has_keyword && check_keyword(first, fields.next().unwrap_or_default())?;
     let (counts_line, mut counts) = match fields.clone().next() {
         Some(b"BINARY") => return Err(first.bad_header("binary OFF cannot be read; save it as text")),
         Some(_) => (first, fields),
@@ -35,9 +34,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     let (vertex_count, face_count) = (count()?, count()?);
 
     let mut coordinates: Vec<f64> = with_room(3 * vertex_count.min(bytes.len() / SHORTEST_LINE))?;
+    let mut normals = Vec::new();
     for found in 0..vertex_count {
         let line = next_line().ok_or_else(|| truncated("vertex", vertex_count, found))?;
         coordinates.extend(line.xyz(line.fields())?);
+        if has_normals {
+            let mut further = line.fields().skip(3);
+            normals.push([(); 3].map(|()| further.next().and_then(number_or_nan).unwrap_or(f64::NAN)));
+        }
     }
     let mut faces = Faces::default();
     let mut corners = Vec::new();
@@ -50,6 +54,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
 
     let mut scan = Scan::new(Format::Off, rows(coordinates, 3));
     scan.triangles = faces.finish(&mut scan.notes);
+    scan.normals = has_normals.then_some(normals);
     if !has_keyword {
         scan.notes
             .push("the word OFF is missing; the first line was taken as the numbers of vertices and faces".to_owned());
@@ -65,12 +70,12 @@ fn is_counts(line: Line<'_>) -> bool {
     line.fields().count() == 3 && line.fields().all(|field| parse_count(field).is_some())
 }
 
-/// `OFF` with any of the prefixes that keep the first three numbers of a vertex its coordinates.
-fn check_keyword(line: Line<'_>, keyword: &[u8]) -> Result<(), ReadErrorKind> {
+/// `OFF` with any of the prefixes that keep the first three numbers of a vertex its coordinates; whether a normal follows them.
+fn check_keyword(line: Line<'_>, keyword: &[u8]) -> Result<bool, ReadErrorKind> {
     let keyword = keyword.to_ascii_uppercase();
     let prefix = keyword.strip_suffix(b"OFF").ok_or_else(|| line.bad_header("expected OFF"))?;
     match prefix {
-        b"" | b"C" | b"N" | b"CN" | b"ST" | b"STC" | b"STN" | b"STCN" => Ok(()),
+        b"" | b"C" | b"N" | b"CN" | b"ST" | b"STC" | b"STN" | b"STCN" => Ok(prefix.ends_with(b"N")),
         _ => Err(line.bad_header("expected OFF, COFF, NOFF or CNOFF; other dimensions than 3 cannot be read")),
     }
 }

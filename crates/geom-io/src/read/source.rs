@@ -54,6 +54,11 @@ impl Budget {
         Self { compressed, limit, spent: 0 }
     }
 
+    /// Bytes that may still come.
+    pub(super) fn left(&self) -> usize {
+        self.limit.saturating_sub(self.spent)
+    }
+
     /// Counts expanded bytes.
     ///
     /// # Errors

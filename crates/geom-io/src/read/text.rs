@@ -1,6 +1,54 @@
 //! Lines, fields and numbers of text files, on bytes.
 
+use std::borrow::Cow;
+
+use super::number::{NumberStyle, Value, opens_with_missing};
 use crate::error::{Location, ReadErrorKind};
+
+/// Bytes at the start of a file among which control characters tell that it is no text.
+const LOOKED_AT: usize = 1 << 16;
+
+/// Text with the blanks and the minus of typesetters as those of ASCII, and from Latin-1 where it is not UTF-8; and the line from
+/// which that is known. What has control characters is no text in Latin-1 either, and stays as it is.
+pub(super) fn decoded(bytes: &[u8]) -> (Cow<'_, [u8]>, Option<usize>) {
+    if bytes.is_ascii() {
+        return (Cow::Borrowed(bytes), None);
+    }
+    let is_end = |b: u8| matches!(b, b'\n' | b'\r');
+    match std::str::from_utf8(bytes) {
+        Ok(text) => (in_ascii_signs(text), None),
+        Err(_) if bytes.iter().take(LOOKED_AT).any(|&b| b.is_ascii_control() && !is_blank(b) && !is_end(b)) => {
+            (Cow::Borrowed(bytes), None)
+        }
+        Err(error) => {
+            let text: String = bytes.iter().copied().map(char::from).collect();
+            let line = Lines::new(&bytes[..=error.valid_up_to()]).count();
+            (Cow::Owned(in_ascii_signs(&text).into_owned()), Some(line))
+        }
+    }
+}
+
+/// Blanks that do not break as ordinary ones, but between digits, where they part thousands, as nothing; and the minus sign as a
+/// hyphen.
+fn in_ascii_signs(text: &str) -> Cow<'_, [u8]> {
+    const MINUS: char = '\u{2212}';
+    let is_blank = |c: char| matches!(c, '\u{a0}' | '\u{2007}' | '\u{2009}' | '\u{202f}');
+    if !text.contains(|c: char| c == MINUS || is_blank(c)) {
+        return Cow::Borrowed(text.as_bytes());
+    }
+    let mut plain = String::with_capacity(text.len());
+    let mut after = text.chars();
+    while let Some(c) = after.next() {
+        let is_digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
+        match c {
+            MINUS => plain.push('-'),
+            _ if !is_blank(c) => plain.push(c),
+            _ if is_digit(plain.chars().next_back()) && is_digit(after.clone().next()) => {}
+            _ => plain.push(' '),
+        }
+    }
+    Cow::Owned(plain.into_bytes())
+}
 
 /// A line without its end, and its number.
 #[derive(Clone, Copy)]
@@ -48,9 +96,10 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// What stands before a comment that `#` opens.
+/// What stands before a comment that `#` opens, at the start of a line or after a blank: `1.#QNAN` is a number without a value, not 1.
 pub(super) fn before_hash(text: &[u8]) -> &[u8] {
-    text.split(|&b| b == b'#').next().unwrap_or_default()
+    let opens = |&k: &usize| text[k] == b'#' && (k == 0 || is_blank(text[k - 1])) && !opens_with_missing(&text[k..]);
+    &text[..(0..text.len()).find(opens).unwrap_or(text.len())]
 }
 
 impl<'a> Iterator for Lines<'a> {
@@ -79,9 +128,9 @@ impl<'a> Line<'a> {
         Location::Line(self.number)
     }
 
-    /// The number, finite or not, that `field` spells.
+    /// The number that `field` spells, NaN where it says that there is none.
     pub(super) fn number(self, field: &[u8]) -> Result<f64, ReadErrorKind> {
-        parse_number(field).ok_or_else(|| self.not_a_number(field))
+        number_or_nan(field).ok_or_else(|| self.not_a_number(field))
     }
 
     /// The first three fields as coordinates, finite or not; further fields are left alone.
@@ -155,16 +204,18 @@ pub(super) fn parse_number(field: &[u8]) -> Option<f64> {
     fast_float2::parse(field).ok()
 }
 
+/// A number, NaN for what says that there is none: `nan`, `1.#IND`, `null`, infinities.
+pub(super) fn number_or_nan(field: &[u8]) -> Option<f64> {
+    match NumberStyle::POINT.value(field) {
+        Value::Number(number) => Some(number),
+        Value::Missing => Some(f64::NAN),
+        Value::Words => None,
+    }
+}
+
 /// A count or index in decimal digits.
 pub(super) fn parse_count(field: &[u8]) -> Option<usize> {
     std::str::from_utf8(field).ok()?.parse().ok()
-}
-
-pub(super) fn finite(value: f64, location: impl FnOnce() -> Location) -> Result<f64, ReadErrorKind> {
-    match value.is_finite() {
-        true => Ok(value),
-        false => Err(ReadErrorKind::NonFinite { location: location(), value }),
-    }
 }
 
 /// Without control characters, and in UTF-8.

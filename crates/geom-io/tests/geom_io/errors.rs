@@ -61,8 +61,10 @@ fn nothing_in_the_file() {
 
 #[test]
 fn not_text() {
-    let is_text =
-        |format: &Format| !matches!(format, Format::Stl | Format::Glb | Format::ThreeMf | Format::Las | Format::E57);
+    let is_text = |format: &Format| {
+        use Format::{E57, GeoTiff, Glb, Las, Stl, ThreeMf};
+        !matches!(format, Stl | Glb | ThreeMf | GeoTiff | Las | E57)
+    };
     for format in Format::ALL.into_iter().filter(is_text) {
         for utf16 in [&b"\xff\xfe1\0 \x002\0"[..], b"1\0 \x002\0 \x003\0", b"\x001\0 \x002\0 \x003"] {
             assert!(matches!(fail(format, utf16), Kind::Utf16), "{format:?}");
@@ -82,7 +84,7 @@ fn not_a_number() {
     fails!(Xyz, "1 2 3\n1 two 3\n", Kind::NotANumberInTable { line: 2, column: 2, text } if text == "two");
     fails!(Xyz, "1;2;3\n1.5;2,0;3\n", Kind::AmbiguousComma { line: 2, text } if text == "2,0");
     fails!(Obj, "v 0 0 0x\n", Kind::NotANumber { location: Location::Line(1), .. });
-    fails!(Off, "OFF 1 0\n0 - 0\n", Kind::NotANumber { location: Location::Line(2), .. });
+    fails!(Off, "OFF 1 0\n0 x 0\n", Kind::NotANumber { location: Location::Line(2), .. });
     fails!(Ply, format!("{PLY_ASCII}0 0 0\n0 a 0\n"), Kind::NotANumber { location: Location::Line(11), .. });
     let grid = "ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2\n3 x";
     fails!(EsriGrid, grid, Kind::NotANumber { location: Location::Line(7), .. });
@@ -101,8 +103,11 @@ fn not_finite() {
         fails!(Obj, format!("v 1 {value} 3\n"), Kind::NoneFinite { points: 1 });
         fails!(Off, format!("OFF 1 0\n1 {value} 3\n"), Kind::NoneFinite { points: 1 });
         fails!(Ply, format!("{one_vertex}{value} 0 0\n"), Kind::NoneFinite { points: 1 });
-        let matrix = format!("<xml><Matrix rows='2' cols='1' id='0'>0 {value}</Matrix></xml>");
-        fails!(GismoXml, matrix, Kind::NonFinite { location: Location::MatrixValue { id: 0, index: 1 }, .. });
+        let [parameters, points] = [format!("0 {value}"), "0 0 0".to_owned()];
+        let matrices = format!(
+            "<xml><Matrix rows='2' cols='1' id='0'>{parameters}</Matrix><Matrix rows='3' cols='1' id='1'>{points}</Matrix></xml>"
+        );
+        fails!(GismoXml, matrices, Kind::NoneFinite { points: 1 });
     }
 }
 
@@ -270,7 +275,7 @@ fn messages_carry_the_numbers() {
     let message = fail(Format::Ply, ply_binary("4", "0", &[0; 30])).to_string();
     assert_eq!(message, "the file is cut off: its header announces 4 records of vertex, 2 are there");
     let message = fail(Format::Csv, "t,a\n1,2\n").to_string();
-    assert!(message.starts_with("no column named x, y; the columns are: t, a; "), "{message}");
+    assert_eq!(message, "no column named x, y; the columns are: t, a");
     let message = fail(Format::Obj, "v 0 0 0\nf 1 2 1\n").to_string();
     assert_eq!(message, "line 2: vertex index 2, as written, is out of range; the mesh has 1 vertices");
 }

@@ -3,7 +3,9 @@
 mod corrupt;
 mod curve_files;
 mod errors;
+mod faults;
 mod formats;
+mod geotiff;
 mod mesh_dialects;
 mod model_common;
 mod model_gismo;

@@ -361,3 +361,66 @@ fn compressed_meshes() {
     sheet.is_in(&read(Format::Obj, gzip(sheet.obj())));
     sheet.is_soup(&read(Format::Stl, gzip(sheet.stl(b"solid", 0))));
 }
+
+#[test]
+fn words_for_no_value_are_no_numbers_in_any_format() {
+    for sheet in Sheet::all() {
+        let count = sheet.points.len();
+        for word in ["nan", "-NaN", "inf", "1.#QNAN", "-1.#IND", "1.#INF00", "-nan(ind)", "null"] {
+            let is_blind = |at: usize| at % 7 == 1;
+            let height = |at: usize| if is_blind(at) { word.to_owned() } else { sheet.points[at][2].to_string() };
+            let vertex = |at: usize| format!("{} {} {}\n", sheet.points[at][0], sheet.points[at][1], height(at));
+            let vertices = |prefix: &str| (0..count).map(|at| format!("{prefix}{}", vertex(at))).collect::<String>();
+            let obj: String = vertices("v ") + &sheet.obj()[sheet.vertex_lines("v ").len()..];
+            let off = format!("OFF\n{count} {} 0\n{}{}", sheet.triangles.len(), vertices(""), sheet.face_lines());
+            let ply = sheet.ply(["double", "uchar", "int"], &(vertices("") + &sheet.face_lines()));
+            let pcd = format!(
+                "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {count}\nHEIGHT 1\nPOINTS {count}\nDATA ascii\n{}",
+                vertices("")
+            );
+            let kept: Vec<[f64; 3]> = (0..count).filter(|&at| !is_blind(at)).map(|at| sheet.points[at]).collect();
+            let whole = |t: &&[u32; 3]| !t.iter().any(|&corner| is_blind(corner as usize));
+            let triangles = sheet.triangles.iter().filter(whole).count();
+            for (format, text) in [(Format::Obj, obj), (Format::Off, off), (Format::Ply, ply), (Format::Pcd, pcd)] {
+                let scan = parse_scan(text.as_bytes(), format, &ReadOptions::default()).unwrap();
+                let points: Vec<[f64; 3]> = scan.cloud.points.outer_iter().map(|p| [p[0], p[1], p[2]]).collect();
+                assert_eq!(points, kept, "{format:?} {word}");
+                assert_eq!(scan.rows.iter().filter(|&&row| is_blind(row as usize)).count(), 0);
+                if format != Format::Pcd {
+                    assert_eq!(scan.triangles.map(|t| t.len()), Some(triangles), "{format:?} {word}");
+                }
+                let told =
+                    scan.notes.iter().filter(|note| note.contains(&format!("{} points are", count - kept.len())));
+                assert_eq!(told.count(), 1, "{format:?} {:?}", scan.notes);
+            }
+            let facet = |t: &[u32; 3]| {
+                let corners: String = t.iter().map(|&corner| format!("vertex {}", vertex(corner as usize))).collect();
+                format!("facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n")
+            };
+            let stl = format!("solid s\n{}endsolid s\n", sheet.triangles.iter().map(facet).collect::<String>());
+            let scan = parse_scan(stl.as_bytes(), Format::Stl, &ReadOptions::default()).unwrap();
+            assert_eq!(scan.triangles.map_or(0, |t| t.len()), triangles, "{word}");
+        }
+    }
+}
+
+#[test]
+fn normals_of_off_files() {
+    for sheet in Sheet::all() {
+        for (keyword, more) in [("NOFF", ""), ("CNOFF", " 255 0 0 255"), ("STCNOFF", " 255 0 0 255 0.5 0.5")] {
+            let vertices: String =
+                sheet.points.iter().map(|[x, y, z]| format!("{x} {y} {z} 0 {} 0.5{more}\n", x - y)).collect();
+            let text = format!(
+                "{keyword}\n{} {} 0\n{vertices}{}",
+                sheet.points.len(),
+                sheet.triangles.len(),
+                sheet.face_lines()
+            );
+            let scan = parse_scan(text.as_bytes(), Format::Off, &ReadOptions::default()).unwrap();
+            let expected: Vec<[f64; 3]> = sheet.points.iter().map(|[x, y, _]| [0.0, x - y, 0.5]).collect();
+            assert_eq!(scan.normals, Some(expected), "{keyword}");
+            let plain = text.replacen(keyword, "COFF", 1);
+            assert_eq!(parse_scan(plain.as_bytes(), Format::Off, &ReadOptions::default()).unwrap().normals, None);
+        }
+    }
+}

@@ -92,7 +92,7 @@ fn commas_that_may_be_decimal_or_not_are_an_error_and_an_option_decides() {
             let text = lines(&points, |_, p| p.map(|c| format!("{c:.4}").replace('.', ",")).join(sign));
             let error = fail(Format::Xyz, &text);
             assert!(matches!(error, Kind::AmbiguousComma { line: 1, .. }), "{error}");
-            assert!(error.to_string().contains("--decimal comma"), "{error}");
+            assert!(error.to_string().contains("give the decimal sign"), "{error}");
             let comma = ReadOptions { decimal: Some(Decimal::Comma), ..ReadOptions::default() };
             assert_eq!(parse_scan(text.as_bytes(), Format::Xyz, &comma).unwrap().cloud.points, points);
             let point = ReadOptions { decimal: Some(Decimal::Point), ..ReadOptions::default() };
@@ -155,6 +155,13 @@ fn titles_comments_and_counts_above_the_points() {
         is_sheet(&format!("//Y X Z Intensity\n{swapped}"), n, m);
         let commas = lines(&points, |_, [x, y, z]| format!("{x},{y},{z},0,0,1"));
         assert!(is_sheet(&format!("//X,Y,Z,Nx,Ny,Nz\n{commas}"), n, m).normals.is_some());
+        // Names may be separated otherwise than the rows, in a title and in a comment.
+        let turned = lines(&points, |_, [x, y, z]| format!("{z} {x} {y}"));
+        for names in ["Z, X, Y", "Z,X,Y", "Z; X; Y", "z;x;y", "Z\tX\tY", "'z' 'x' 'y'"] {
+            for sign in ["# ", "// ", "% ", "; ", "! ", ""] {
+                is_sheet(&format!("{sign}{names}\n{turned}"), n, m);
+            }
+        }
         // Several clouds, each with its number of points.
         let (a, b) = (n, n * (m - 1));
         let parts: Vec<&str> = rows.lines().collect();
@@ -205,7 +212,13 @@ fn names_tell_the_columns_and_a_note_says_so() {
         let latin =
             [b"x [\xb5m];y;z\n".to_vec(), lines(&points, |_, p| p.map(|c| c.to_string()).join(";")).into_bytes()]
                 .concat();
-        assert_eq!(read(Format::Csv, latin).cloud.points, points);
+        let scan = read(Format::Csv, latin);
+        assert_eq!(scan.cloud.points, points);
+        assert!(
+            scan.notes.iter().any(|note| note == "line 1 is not in UTF-8; the file was read as Latin-1"),
+            "{:?}",
+            scan.notes
+        );
         is_sheet(&lines(&points, |row, [x, y, z]| format!("{x} {y} {z}{}", [" 0 0 1", ""][row % 2])), n, m);
     }
     let error = fail(Format::Csv, "time,temp,a\u{7}b,pressure\n1,2,3,4\n");
@@ -248,6 +261,78 @@ fn a_first_column_that_counts() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn times_that_jitter() {
+    for seed in 1..20 {
+        let mut random = noise(seed);
+        let points = sheet(13, 9);
+        let (step, jitter) = (10_f64.powi(seed as i32 % 4 - 2), 0.4 * random());
+        // A clock of more digits than coordinates have, which misses a few points.
+        let mut time = 100.0 * random();
+        let mut tick = |row: usize| {
+            time += step * (1.0 + jitter * (random() - 0.5)) * if row % 40 == 17 { 9.0 } else { 1.0 };
+            time
+        };
+        let times: Vec<f64> = (0..points.nrows()).map(&mut tick).collect();
+        let text = lines(&points, |row, p| format!("{:.6} {}", times[row], p.map(|c| format!("{c:.4}")).join(" ")));
+        let scan = read(Format::Xyz, &text);
+        assert_eq!(scan.cloud.points, points, "{:?}\n{}", scan.notes, &text[..200]);
+        assert!(scan.notes.iter().any(|note| note.contains("as a time does")), "{:?}", scan.notes);
+        // Coordinates that were sorted have steps of all sizes.
+        let mut sorted: Vec<f64> = (0..30 + 5 * seed).map(|_| 50.0 * random()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let text: String =
+            sorted.iter().map(|x| format!("{x:.6} {:.4} {:.4} {:.4}\n", random(), random(), random())).collect();
+        assert_eq!(read(Format::Xyz, &text).columns[0].number, 1, "{}", &text[..200]);
+    }
+}
+
+#[test]
+fn signs_of_typesetters_and_text_in_latin_1() {
+    for (n, m) in SIZES {
+        let points = sheet(n, m);
+        let minus = lines(&points, |_, p| p.map(|c| c.to_string().replace('-', "\u{2212}")).join(" "));
+        is_sheet(&minus, n, m);
+        for blank in ["\u{a0}", "\u{202f}", "\u{2009}"] {
+            is_sheet(&lines(&points, |_, p| p.map(|c| format!("{c}{blank}")).join(&format!(";{blank}"))), n, m);
+            // Between digits they part thousands.
+            let text = lines(&points, |_, [x, y, z]| format!("7{blank}{x:08.4};{y:.4};{z:.4}").replace('.', ","));
+            let scan = read(Format::Csv, format!("X;Y;Z\n{text}"));
+            let shifted = points.column(0).mapv(|x| ((x + 7000.0) * 1e4).round() / 1e4);
+            assert_eq!(scan.cloud.points.column(0), shifted, "{text}");
+        }
+        let labelled =
+            lines(&points, |row, [x, y, z]| format!("Fl{}che{row} {x} {y} {z}", if row > 2 { "ä" } else { "ae" }));
+        let latin: Vec<u8> = labelled.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+        let scan = read(Format::Xyz, &latin);
+        assert_eq!(scan.cloud.points, points);
+        assert!(
+            scan.notes.contains(&"line 4 is not in UTF-8; the file was read as Latin-1".to_owned()),
+            "{:?}",
+            scan.notes
+        );
+    }
+    let binary: Vec<u8> = (0..200_u8).map(|k| k.wrapping_mul(37)).collect();
+    assert!(matches!(fail(Format::Xyz, &binary), Kind::NotText { .. }));
+}
+
+#[test]
+fn lines_without_numbers_that_stand_apart_are_shown() {
+    for line in ["X0.5 Y1.5 Z2.5", "x=1 y=2 z=3", "P-1 ; 2a ; 3b"] {
+        let error = fail(Format::Xyz, format!("# a part\n{line}\n{line}\n"));
+        assert!(matches!(&error, Kind::NoNumbers { line: 2, text } if text == line), "{error}");
+    }
+    let grouped = "x;y;z\n1'100.5;2'200.5;3.5\n1'100.5;2'200.5;3.5\n";
+    let error = fail(Format::Csv, grouped);
+    assert!(matches!(&error, Kind::NoNumbers { line: 2, text } if text == "1'100.5;2'200.5;3.5"), "{error}");
+    for (line, column, wrong) in [("(1.5, 2.5, 3.5)", 1, "(1.5"), ("[1.5 2.5 3.5]", 1, "[1.5"), ("a 1 b", 1, "a")] {
+        let error = fail(Format::Xyz, format!("{line}\n{line}\n"));
+        let told =
+            matches!(&error, Kind::NotANumberInTable { line: 1, column: c, text } if *c == column && text == wrong);
+        assert!(told, "{error}");
     }
 }
 
@@ -444,7 +529,7 @@ fn i_j_and_k_are_normals() {
     }
     let two = ReadOptions { normals: Some(vec!["1".into(), "2".into()]), ..ReadOptions::default() };
     let error = parse_scan(b"1 2 3\n", Format::Xyz, &two).unwrap_err();
-    assert_eq!(error.to_string(), "--normals takes 3 columns, not 2");
+    assert_eq!(error.to_string(), "the option `normals` takes 3 columns, not 2");
 }
 
 #[test]
@@ -452,6 +537,9 @@ fn labels_of_the_boundary_in_words() {
     for [yes, no] in [["1", "0"], ["true", "false"], ["TRUE", "FALSE"], ["yes", "no"], ["y", "n"]] {
         let scan = read(Format::Csv, format!("x,y,z,boundary\n0,0,0,{yes}\n1,2,3,{no}\n"));
         assert_eq!(scan.on_boundary, Some(vec![true, false]));
+        // Where no point is marked the column says nothing.
+        let scan = read(Format::Csv, format!("x,y,z,boundary\n0,0,0,{no}\n1,2,3,{no}\n"));
+        assert_eq!((scan.on_boundary, scan.notes.len()), (None, 1));
     }
     assert!(matches!(
         fail(Format::Csv, "x,y,boundary\n0,0,perhaps\n"),
@@ -466,10 +554,7 @@ fn lines_of_words_between_points_are_counted_and_other_words_are_an_error() {
     assert_eq!(scan.notes, ["4 lines between the points are none and were skipped, the first is line 4"]);
     let error = fail(Format::Xyz, "1 2 3\n4 5 6\n7 eight 9\n");
     let message = error.to_string();
-    assert!(
-        message.starts_with("line 3, column 2: \"eight\" is not a number") && message.contains("--columns"),
-        "{message}"
-    );
+    assert!(message.starts_with("line 3, column 2: \"eight\" is not a number"), "{message}");
 }
 
 /// Grids of heights and PTX, whatever they are called.
@@ -481,6 +566,23 @@ fn grids_and_ptx_are_known_by_what_they_hold() {
         let scan = read(format, format!("{header}{heights}"));
         assert_eq!((scan.format, scan.cloud.points.nrows()), (Format::EsriGrid, 5));
         assert_eq!(scan.cloud.points.row(0).to_vec(), [100.5, 200.0, 4.0]);
+    }
+    // Comments above the header, and the header of GRASS, which names the sides.
+    for header in [
+        format!("# made by hand\n// of nothing\n{header}"),
+        "north: 201,5\nsouth: 199,5\neast: 103\nwest: 100\nrows: 2\ncols: 3\nnull: null\ntype: float\n".to_owned(),
+    ] {
+        let scan = read(Format::EsriGrid, format!("{header}{heights}"));
+        assert_eq!((scan.format, scan.cloud.points.nrows(), scan.cell), (Format::EsriGrid, 5, Some([1.0, 1.0])));
+        assert_eq!(scan.cloud.points.row(0).to_vec(), [100.5, 200.0, 4.0]);
+    }
+    let turned = "north: 1\nsouth: 2\neast: 103\nwest: 100\nrows: 2\ncols: 3\n1 2 3 4 5 6\n";
+    assert!(fail(Format::EsriGrid, turned).to_string().contains("north above south"));
+    for (header, axis) in [("xllcorner 1.7e308\nyllcorner 0", "x"), ("xllcorner 0\nyllcorner 1e101", "y")] {
+        for step in ["1e308", "1"] {
+            let error = fail(Format::EsriGrid, format!("ncols 2\nnrows 2\n{header}\ncellsize {step}\n1 2 3 4\n"));
+            assert!(matches!(error, Kind::GridRange { axis: a, .. } if a == axis || step != "1"), "{error}");
+        }
     }
     for (declared, value) in [
         ("-3.4028234663852886e+38", "-3.4028235e+38"),

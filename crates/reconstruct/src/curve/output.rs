@@ -19,7 +19,7 @@ pub fn check_curve_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Pa
         return Err(Error::CurveFormat { path: path.clone() });
     }
     let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
-    check_overwriting(&[input.to_owned()], &[paths], None)
+    check_overwriting(&[input.to_owned()], &[paths], None).map(drop)
 }
 
 /// Writes a curve by the extension of the file: `.step .stp .xml .json .dxf`, or a picture with points and knots `.svg`.

@@ -14,7 +14,7 @@ use crate::parameter_options::{ParameterChoice, Refine};
 use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
 
 /// Share of the triangles up to which pieces besides the largest are stray and left out.
-const STRAY: f64 = 0.02;
+pub(crate) const STRAY_TRIANGLES: f64 = 0.02;
 
 /// Maps a mesh. One whose triangles are joined wrongly is taken as a cloud of its vertices; if that cannot be laid out
 /// either, the error is the mesh's.
@@ -97,7 +97,7 @@ fn disk_of(welded: Welded) -> Result<Disk, Error> {
     }
     let sizes = Pieces::find(&merged)?.sizes;
     let largest = sizes.first().copied().unwrap_or(0);
-    if (merged.triangles.len() - largest) as f64 > STRAY * merged.triangles.len() as f64 {
+    if (merged.triangles.len() - largest) as f64 > STRAY_TRIANGLES * merged.triangles.len() as f64 {
         return Err(Error::SeveralPieces { sizes });
     }
     let LargestDisk { disk, kept: in_disk, removed, turned } = largest_disk(&merged)?;

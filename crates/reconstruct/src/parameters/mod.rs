@@ -26,6 +26,7 @@ use point_cloud::{
 pub(crate) use self::boundary::named_rows;
 pub use self::guard::NetworkReport;
 pub use self::layers::LayersReport;
+pub(crate) use self::mesh::STRAY_TRIANGLES;
 pub use self::quality::{HoleReport, ParameterReport, SeamReport, Stretch, VoidReport};
 use crate::clean::{Cleaned, CleaningReport, clean};
 use crate::parameter_options::{Closed, Domain, ParameterChoice, SideRule};

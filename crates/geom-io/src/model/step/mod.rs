@@ -6,6 +6,8 @@
 //! - a shell of such faces, one for each box of a partition of the domain along cell boundaries. Neighbours share edges
 //!   and vertices also where a long side meets several short ones, so that the shell is connected as it stands.
 //!
+//! Several surfaces, such as the pieces of one part, become a shell each in one shape.
+//!
 //! Both are exact: knot insertion and nothing else. Each face keeps the parameters of the model. A curve becomes a
 //! `B_SPLINE_CURVE_WITH_KNOTS` in a `GEOMETRIC_CURVE_SET`.
 //!
@@ -79,16 +81,25 @@ impl Default for StepOptions {
     }
 }
 
+/// A surface for a STEP file of several.
+#[derive(Clone, Copy, Debug)]
+pub struct StepSurface<'a> {
+    /// Its map.
+    pub map: &'a SplineMap<2>,
+    /// How it is written.
+    pub options: &'a StepOptions,
+}
+
 /// A model in the form that goes to a STEP file: everything that can be wrong with it is found when it is made.
 pub struct StepFile {
-    shape: Shape,
+    shapes: Vec<Shape>,
     unit: LengthUnit,
     uncertainty: f64,
     options: StepOptions,
 }
 
 enum Shape {
-    Shell(Shell),
+    Shell { shell: Shell, flip: bool },
     Curve { map: SplineMap<1, TensorSpace<1>>, closed: bool },
 }
 
@@ -99,34 +110,52 @@ impl StepFile {
     /// [`ModelErrorKind::PointDimension`], [`ModelErrorKind::Discontinuous`], [`ModelErrorKind::Degenerate`],
     /// [`ModelErrorKind::HoleOutside`].
     pub fn new(model: &Model, options: &StepOptions) -> Result<Self, ModelErrorKind> {
-        let (shape, uncertainty) = match &model.geometry {
-            Geometry::Surface(map) => {
-                let tolerance = checked_tolerance(map)?;
-                let (limit, size) = (options.max_control_points, diagonal(map.coefficients()));
-                (Shape::Shell(Shell::new(map, limit, tolerance, &options.holes, size)?), tolerance)
-            }
+        match &model.geometry {
+            Geometry::Surface(map) => Self::of_surfaces(&[StepSurface { map, options }], model.unit),
             Geometry::Curve(map) => {
                 let closed = map.space().periodic()[0];
-                (Shape::Curve { map: map.tensor_product()?, closed }, checked_tolerance(map)?)
+                let shapes = vec![Shape::Curve { map: map.tensor_product()?, closed }];
+                Ok(Self { shapes, unit: model.unit, uncertainty: checked_tolerance(map)?, options: options.clone() })
             }
-        };
-        Ok(Self { shape, unit: model.unit, uncertainty, options: options.clone() })
+        }
+    }
+
+    /// Brings several surfaces, with coordinates in one unit, into tensor-product form: each becomes a shell. What the header says
+    /// is as in the options of the first.
+    ///
+    /// # Errors
+    /// As of [`Self::new`].
+    pub fn of_surfaces(surfaces: &[StepSurface<'_>], unit: LengthUnit) -> Result<Self, ModelErrorKind> {
+        let mut shapes = Vec::with_capacity(surfaces.len());
+        // Edges of the smallest surface must not be taken for points.
+        let mut uncertainty = f64::INFINITY;
+        for StepSurface { map, options } in surfaces {
+            let tolerance = checked_tolerance(map)?;
+            let (limit, size) = (options.max_control_points, diagonal(map.coefficients()));
+            let shell = Shell::new(map, limit, tolerance, &options.holes, size)?;
+            shapes.push(Shape::Shell { shell, flip: options.flip });
+            uncertainty = uncertainty.min(tolerance);
+        }
+        let options = surfaces.first().map_or_else(StepOptions::default, |surface| surface.options.clone());
+        Ok(Self { shapes, unit, uncertainty, options })
     }
 
     /// Number of faces; 0 for a curve.
     pub fn n_faces(&self) -> usize {
-        match &self.shape {
-            Shape::Shell(shell) => shell.faces.len(),
+        let of_shape = |shape: &Shape| match shape {
+            Shape::Shell { shell, .. } => shell.faces.len(),
             Shape::Curve { .. } => 0,
-        }
+        };
+        self.shapes.iter().map(of_shape).sum()
     }
 
     /// Number of control points of all faces, or of the curve.
     pub fn n_control_points(&self) -> usize {
-        match &self.shape {
-            Shape::Shell(shell) => shell.faces.iter().map(|face| face.surface.space().n_functions()).sum(),
+        let of_shape = |shape: &Shape| match shape {
+            Shape::Shell { shell, .. } => shell.faces.iter().map(|face| face.surface.space().n_functions()).sum(),
             Shape::Curve { map, .. } => map.space().n_functions(),
-        }
+        };
+        self.shapes.iter().map(of_shape).sum()
     }
 
     /// Writes the file.
@@ -138,16 +167,20 @@ impl StepFile {
         document::begin(file, &self.options)?;
         let definition = document::product(file, &self.options.product)?;
         let context = document::context(file, self.unit, self.uncertainty)?;
-        let (kind, item) = match &self.shape {
-            Shape::Shell(shell) => ("MANIFOLD_SURFACE", write_shell(file, shell, self.options.flip)?),
-            Shape::Curve { map, closed } => {
-                let knots = map.space().knots(0);
-                let points: Vec<[f64; 3]> = map.coefficients().outer_iter().map(in_space).collect();
-                let curve = write_curve(file, knots.degree(), knots.knots(), &points, *closed)?;
-                ("GEOMETRICALLY_BOUNDED_WIREFRAME", file.entity(format_args!("GEOMETRIC_CURVE_SET('',({curve}))"))?)
-            }
-        };
-        let shape = file.entity(format_args!("{kind}_SHAPE_REPRESENTATION('',({item}),{context})"))?;
+        let (mut kind, mut items) = ("MANIFOLD_SURFACE", Vec::with_capacity(self.shapes.len() + 1));
+        for shape in &self.shapes {
+            items.push(match shape {
+                Shape::Shell { shell, flip } => write_shell(file, shell, *flip)?,
+                Shape::Curve { map, closed } => {
+                    kind = "GEOMETRICALLY_BOUNDED_WIREFRAME";
+                    let knots = map.space().knots(0);
+                    let points: Vec<[f64; 3]> = map.coefficients().outer_iter().map(in_space).collect();
+                    let curve = write_curve(file, knots.degree(), knots.knots(), &points, *closed)?;
+                    file.entity(format_args!("GEOMETRIC_CURVE_SET('',({curve}))"))?
+                }
+            });
+        }
+        let shape = file.entity(format_args!("{kind}_SHAPE_REPRESENTATION('',{},{context})", list(items)))?;
         file.entity(format_args!("SHAPE_DEFINITION_REPRESENTATION({definition},{shape})"))?;
         document::end(file)
     }

@@ -85,7 +85,7 @@ pub(super) fn read(bytes: &[u8], classes: &[u8], budget: &mut Budget) -> Result<
     }
     if classes.is_empty() && found.len() > 1 {
         let list: Vec<_> = found.iter().map(|(class, points)| format!("{class} ({points} points)")).collect();
-        scan.notes.push(format!("points of all classes were read: {}; the option class picks some", list.join(", ")));
+        scan.notes.push(format!("points of all classes were read: {}; --class picks some", list.join(", ")));
     }
     Ok(scan)
 }

@@ -1,7 +1,7 @@
 //! Point Cloud Data, version 0.7 and before: ASCII, binary and compressed binary.
 //!
 //! Of the fields `x`, `y`, `z` and those of a normal are read. Points that are not a number are the format's way to say that a pixel of
-//! the sensor saw nothing; they are left out. The viewpoint is not applied, as in the Point Cloud Library.
+//! the sensor saw nothing; they are left out as in all formats. The viewpoint is not applied, as in the Point Cloud Library.
 
 mod header;
 mod lzf;
@@ -9,7 +9,6 @@ mod lzf;
 use point_cloud::GridShape;
 
 use self::header::{Encoding, Field, Header, total};
-use super::number::{NumberStyle, Value};
 use super::text::{Lines, before_hash};
 use super::{Format, Scan, rows, with_room};
 use crate::error::ReadErrorKind;
@@ -20,7 +19,7 @@ const SHORTEST_LINE: usize = 6;
 pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     let mut lines = Lines::new(bytes);
     let header = Header::parse(&mut lines)?;
-    let seen = match header.encoding {
+    let points = match header.encoding {
         Encoding::Ascii => read_text(&header, lines),
         Encoding::Binary => read_binary(&header, lines.rest(), Layout::ByPoint),
         Encoding::Compressed => {
@@ -28,49 +27,37 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
             read_binary(&header, &expanded, Layout::ByField)
         }
     }?;
-    let (read, blind) = (header.points, header.points - seen.rows.len());
-    if seen.rows.is_empty() && read > 0 {
-        return Err(ReadErrorKind::NoneFinite { points: read });
-    }
-    let mut scan = Scan::new(Format::Pcd, rows(seen.points, 3));
-    scan.normals = header.normal.map(|_| seen.normals);
-    scan.rows = seen.rows;
-    if blind > 0 {
-        scan.notes.push(format!("{blind} points are not a number (nothing was seen there) and were left out"));
-    } else if header.height > 1 && header.width > 1 && header.width.checked_mul(header.height) == Some(read) {
+    let mut scan = Scan::new(Format::Pcd, rows(points.coordinates, 3));
+    scan.normals = header.normal.map(|_| points.normals);
+    if header.height > 1 && header.width > 1 && header.width.checked_mul(header.height) == Some(header.points) {
         scan.cloud.grid = Some(GridShape { n_u: header.height, n_v: header.width });
     }
     Ok(scan)
 }
 
-/// Points that are a number: their coordinates, and which of those of the file they are.
-struct Seen {
-    points: Vec<f64>,
+/// The points of a file, numbers or not.
+struct Points {
+    coordinates: Vec<f64>,
     /// Their normals, where the file has some.
     normals: Vec<[f64; 3]>,
-    rows: Vec<u32>,
 }
 
-impl Seen {
+impl Points {
     fn with_room(points: usize) -> Result<Self, ReadErrorKind> {
-        Ok(Self { points: with_room(3 * points)?, normals: Vec::new(), rows: with_room(points)? })
+        Ok(Self { coordinates: with_room(3 * points)?, normals: Vec::new() })
     }
 
-    /// Adds a point, unless it is not a number.
-    fn push(&mut self, row: usize, xyz: [f64; 3], normal: Option<[f64; 3]>) {
-        if xyz.iter().all(|c| c.is_finite()) {
-            self.points.extend(xyz);
-            self.normals.extend(normal);
-            self.rows.push(row as u32);
-        }
+    fn push(&mut self, xyz: [f64; 3], normal: Option<[f64; 3]>) {
+        self.coordinates.extend(xyz);
+        self.normals.extend(normal);
     }
 }
 
-fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKind> {
+fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Points, ReadErrorKind> {
     let columns_of = |fields: [usize; 3]| fields.map(|field| total(&header.fields[..field], |f| f.count));
     let (columns, normal) = (columns_of(header.coordinates), header.normal.map(columns_of));
     let expected = total(&header.fields, |f| f.count);
-    let mut seen = Seen::with_room(header.points.min(lines.rest().len() / SHORTEST_LINE))?;
+    let mut points = Points::with_room(header.points.min(lines.rest().len() / SHORTEST_LINE))?;
     let mut row = Vec::new();
     for found in 0..header.points {
         let line = lines.next_data(before_hash).ok_or_else(|| truncated(header, found))?;
@@ -79,17 +66,11 @@ fn read_text(header: &Header, mut lines: Lines<'_>) -> Result<Seen, ReadErrorKin
         if row.len() != expected {
             return Err(line.row_length(expected, row.len()));
         }
-        let number = |column: usize| {
-            Ok(match NumberStyle::POINT.value(row[column]) {
-                Value::Number(number) => number,
-                Value::Missing => f64::NAN,
-                Value::Words => return Err(line.not_a_number(row[column])),
-            })
-        };
+        let number = |column: usize| line.number(row[column]);
         let three = |[x, y, z]: [usize; 3]| -> Result<_, ReadErrorKind> { Ok([number(x)?, number(y)?, number(z)?]) };
-        seen.push(found, three(columns)?, normal.map(three).transpose()?);
+        points.push(three(columns)?, normal.map(three).transpose()?);
     }
-    Ok(seen)
+    Ok(points)
 }
 
 /// The order of binary values.
@@ -101,7 +82,7 @@ enum Layout {
     ByField,
 }
 
-fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, ReadErrorKind> {
+fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Points, ReadErrorKind> {
     let record = total(&header.fields, Field::width);
     let found = bytes.len() / record;
     if found < header.points {
@@ -109,7 +90,7 @@ fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, Re
     }
     let with_offsets = |fields: [usize; 3]| fields.map(|f| (f, total(&header.fields[..f], Field::width)));
     let (coordinates, normal) = (with_offsets(header.coordinates), header.normal.map(with_offsets));
-    let mut seen = Seen::with_room(header.points)?;
+    let mut points = Points::with_room(header.points)?;
     for index in 0..header.points {
         let number = |(field, offset): (usize, usize)| {
             let field = &header.fields[field];
@@ -122,9 +103,9 @@ fn read_binary(header: &Header, bytes: &[u8], layout: Layout) -> Result<Seen, Re
         };
         let three =
             |[x, y, z]: [(usize, usize); 3]| -> Result<_, ReadErrorKind> { Ok([number(x)?, number(y)?, number(z)?]) };
-        seen.push(index, three(coordinates)?, normal.map(three).transpose()?);
+        points.push(three(coordinates)?, normal.map(three).transpose()?);
     }
-    Ok(seen)
+    Ok(points)
 }
 
 /// Compressed data: their size, their size when expanded, and they.

@@ -25,8 +25,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
         match element.name.to_ascii_lowercase().as_str() {
             "vertex" if coordinates.is_empty() => (coordinates, normals) = read_vertices(&mut body, element)?,
             name @ ("face" | "tristrips") => match element.corner_list() {
-                Some(list) if name == "face" => read_faces(&mut body, element, list, vertex_count, &mut faces)?,
-                Some(list) => read_strips(&mut body, element, list, vertex_count, &mut faces)?,
+                Some(list) => {
+                    let kind = if name == "face" { Corners::Polygon } else { Corners::Strips };
+                    read_faces(&mut body, element, (list, kind), vertex_count, &mut faces)?;
+                }
                 None => {
                     body.for_each(element, &[], |_, _| Ok(()))?;
                     notes.push(format!("element {name} lists no vertices and was ignored"));
@@ -58,7 +60,7 @@ fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vertices, Rea
         let scalar = |p: &header::Property| p.name.eq_ignore_ascii_case(property) && matches!(p.kind, Kind::Scalar(_));
         element.properties.iter().position(scalar).ok_or_else(|| ReadErrorKind::MissingProperty {
             property,
-            found: element.properties.iter().map(|p| p.name.clone()).collect(),
+            found: element.properties.iter().map(|p| quote(p.name.as_bytes())).collect(),
         })
     };
     let columns = [column("x")?, column("y")?, column("z")?];
@@ -84,40 +86,33 @@ fn read_vertices(body: &mut Body<'_>, element: &Element) -> Result<Vertices, Rea
     Ok((coordinates, normal.map(|_| normals)))
 }
 
+/// What the indices of a list are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Corners {
+    /// Those of one polygon.
+    Polygon,
+    /// Those of strips of triangles, one after the other with −1 between two.
+    Strips,
+}
+
 fn read_faces(
     body: &mut Body<'_>,
     element: &Element,
-    list: usize,
+    (list, kind): (usize, Corners),
     vertex_count: usize,
     faces: &mut Faces,
 ) -> Result<(), ReadErrorKind> {
     let mut corners = Vec::new();
     body.for_each(element, &[list], |indices, place| {
-        corners.clear();
-        for &index in indices {
-            corners.push(corner(index, vertex_count, &place)?);
-        }
-        faces.push(&corners);
-        Ok(())
-    })
-}
-
-/// Strips of triangles, one after the other with −1 between two.
-fn read_strips(
-    body: &mut Body<'_>,
-    element: &Element,
-    list: usize,
-    vertex_count: usize,
-    faces: &mut Faces,
-) -> Result<(), ReadErrorKind> {
-    let mut corners = Vec::new();
-    body.for_each(element, &[list], |indices, place| {
-        for strip in indices.split(|&index| index == -1.0) {
+        for indices in indices.split(|&index| kind == Corners::Strips && index == -1.0) {
             corners.clear();
-            for &index in strip {
+            for &index in indices {
                 corners.push(corner(index, vertex_count, &place)?);
             }
-            faces.push_strip(&corners);
+            match kind {
+                Corners::Polygon => faces.push(&corners),
+                Corners::Strips => faces.push_strip(&corners),
+            }
         }
         Ok(())
     })

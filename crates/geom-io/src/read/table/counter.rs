@@ -1,7 +1,7 @@
 //! A first column that counts points or tells their time, and so is no coordinate.
 //!
 //! Coordinates of a surface do not go up, or down, by the same step from every row to the next: the points would lie on as many
-//! planes. Those of a curve may. What tells a coordinate then is that a program writes all three of them in the same way.
+//! planes; nor does it by about the same step, as the clock of a scanner. Those of a curve may. What tells a coordinate then is that a program writes all three of them in the same way.
 
 /// Fewest rows that tell.
 ///
@@ -12,6 +12,16 @@ const FEWEST_ROWS: usize = 8;
 ///
 /// Calibrated: `a_first_column_that_counts` and `coordinates_are_not_counted` in the tests.
 const SMALLEST_STEPS: f64 = 0.8;
+
+/// Share of the steps of a clock that read the time of every point, between half and twice their median.
+///
+/// Calibrated: `times_that_jitter` in the tests; the steps of random coordinates that were sorted have 46 % there.
+const LIKE_STEPS: f64 = 0.9;
+
+/// Fewest steps that tell a clock.
+///
+/// Limit: of 20 steps between sorted random numbers 18 are like their median once in 10⁴ files.
+const FEWEST_CLOCK_STEPS: usize = 20;
 
 /// Values from which on numbers that increase throughout are times: seconds since 1970 passed it in 1973, and coordinates in
 /// metres on the Earth stay below 2·10⁷.
@@ -88,7 +98,13 @@ pub(super) fn first_is(columns: &[Written]) -> Option<Counter> {
     // Equal up to the last digit that is written.
     let last_digit = 0.1_f64.powi(first.decimals.min(15) as i32);
     let is_even = share(&|step| step - smallest <= 1.01 * last_digit) == 1.0;
-    (are_epochs || up && is_even && !are_whole && written_apart).then_some(Counter::Time)
+    let mut sorted: Vec<f64> = steps.iter().map(|step| step.abs()).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    let is_clock = steps.len() >= FEWEST_CLOCK_STEPS
+        && others[0].decimals > 0
+        && share(&|step| (0.5 * median..=2.0 * median).contains(&step)) >= LIKE_STEPS;
+    (are_epochs || up && (is_even || is_clock) && !are_whole && written_apart).then_some(Counter::Time)
 }
 
 /// Whether values are as far from 0 as times since 1970, and as close together as those of a scan, which takes no year.

@@ -18,14 +18,14 @@ mod roles;
 mod rows;
 
 use self::dialect::Dialect;
-use self::fields::{Field, Separator};
+use self::fields::{Field, Separator, part_comment};
 use self::grid::{Meaning, meaning, not_indices, to_grid};
 use self::names::Names;
 use self::opening::{Opening, data};
 use self::roles::Roles;
 use self::rows::read_rows;
 use super::number::Decimal;
-use super::text::{Line, Lines, has_control, is_blank};
+use super::text::{Line, Lines, has_control, is_blank, is_text, quote};
 use super::{Format, ReadOptions, Scan, rows as array};
 use crate::error::ReadErrorKind;
 
@@ -38,7 +38,7 @@ pub(super) fn read(lines: Lines<'_>, format: Format, options: &ReadOptions) -> R
     if let Some(line) = sample.iter().find(|line| has_control(line.text)) {
         return Err(ReadErrorKind::NotText { line: line.number });
     }
-    let dialect = Dialect::find(&sample, options.decimal)?.ok_or(ReadErrorKind::NoPoints)?;
+    let dialect = Dialect::find(&sample, options.decimal)?.ok_or_else(|| no_numbers(&sample))?;
     let mut opening = Opening::take(lines, &dialect)?;
     let names = opening.names(&dialect, options)?;
     let sampled: Vec<Vec<Field<'_>>> = opening
@@ -78,7 +78,10 @@ pub(super) fn read(lines: Lines<'_>, format: Format, options: &ReadOptions) -> R
     if !roles.parameters.is_empty() {
         scan.cloud.parameters = Some(array(rows.parameters, roles.parameters.len()));
     }
-    scan.on_boundary = roles.boundary.map(|_| rows.on_boundary);
+    scan.on_boundary = roles.boundary.map(|_| rows.on_boundary).filter(|labels| labels.contains(&true));
+    if roles.boundary.is_some() && scan.on_boundary.is_none() {
+        scan.notes.push("column boundary marks no point; it was ignored".to_owned());
+    }
     scan.weights = roles.weights.map(|_| rows.weights);
     scan.normals = roles.normals.map(|_| rows.normals);
     let order = put_in_order(&mut scan, &roles, &rows.grid, rows.ijk, names.as_ref())?;
@@ -93,6 +96,16 @@ pub(super) fn read(lines: Lines<'_>, format: Format, options: &ReadOptions) -> R
     }
     scan.notes.extend(rows.notes);
     Ok(scan)
+}
+
+/// The error for text without a line of numbers.
+fn no_numbers(sample: &[Line<'_>]) -> ReadErrorKind {
+    match sample {
+        // Nothing, or nothing but names.
+        [] | [_] => ReadErrorKind::NoPoints,
+        [line, ..] if is_text(line.text) => ReadErrorKind::NoNumbers { line: line.number, text: quote(line.text) },
+        [line, ..] => ReadErrorKind::NotText { line: line.number },
+    }
 }
 
 /// The first lines that hold data, without their comments.
@@ -168,6 +181,11 @@ fn put_in_order(
         _ => false,
     };
     Ok(Order { is_grid, ijk: ijk_mean })
+}
+
+/// What stands before the comment of a line whose fields semicolons do not separate.
+pub(super) fn before_comment(line: &[u8]) -> &[u8] {
+    part_comment(line, false).data
 }
 
 /// The decimal sign of a text of numbers between blanks.

@@ -7,10 +7,38 @@ use crate::error::ReadErrorKind;
 /// Names of the same thing, in the order in which they are looked for; as [`plain`] leaves them.
 type Synonyms = &'static [&'static str];
 
-const X: Synonyms =
-    &["x", "easting", "east", "points:0", "points0", "xcoord", "xcoordinate", "xposition", "posx", "coordx"];
-const Y: Synonyms =
-    &["y", "northing", "north", "points:1", "points1", "ycoord", "ycoordinate", "yposition", "posy", "coordy"];
+const X: Synonyms = &[
+    "x",
+    "easting",
+    "east",
+    "rechtswert",
+    "points:0",
+    "points0",
+    "pointsx",
+    "pointx",
+    "xcoord",
+    "xcoordinate",
+    "xposition",
+    "positionx",
+    "posx",
+    "coordx",
+];
+const Y: Synonyms = &[
+    "y",
+    "northing",
+    "north",
+    "hochwert",
+    "points:1",
+    "points1",
+    "pointsy",
+    "pointy",
+    "ycoord",
+    "ycoordinate",
+    "yposition",
+    "positiony",
+    "posy",
+    "coordy",
+];
 const Z: Synonyms = &[
     "z",
     "elevation",
@@ -18,11 +46,16 @@ const Z: Synonyms = &[
     "height",
     "altitude",
     "alt",
+    "höhe",
+    "hoehe",
     "points:2",
     "points2",
+    "pointsz",
+    "pointz",
     "zcoord",
     "zcoordinate",
     "zposition",
+    "positionz",
     "posz",
     "coordz",
 ];
@@ -104,13 +137,13 @@ impl Names {
         Self { written, plain }
     }
 
-    /// The names of a line of `columns` names, of whatever separator, or `None` where it cannot have as many. `VARIABLES =` and
-    /// the like before the names don't count, nor do units in brackets behind them.
-    pub(super) fn in_line(line: &[u8], separator: Separator, columns: usize) -> Option<Self> {
+    /// The names of a line of `columns` names, one reading for each separator that makes as many; that of the rows comes first.
+    /// `VARIABLES =` and the like before the names don't count, nor do units in brackets behind them.
+    pub(super) fn in_line(line: &[u8], separator: Separator, columns: usize) -> Vec<Self> {
         let after = |sign: u8| line.iter().position(|&b| b == sign).map(|at| &line[at + 1..]);
         let parts = [Some(line), after(b'='), after(b':')];
         let others = [Separator::Byte(b','), Separator::Byte(b';'), Separator::Byte(b'\t'), Separator::Blanks];
-        let mut fields = Vec::new();
+        let (mut fields, mut readings) = (Vec::new(), Vec::new());
         for part in parts.into_iter().flatten() {
             for separator in std::iter::once(separator).chain(others) {
                 separator.split(part, &mut fields);
@@ -121,11 +154,11 @@ impl Names {
                     fields.pop();
                 }
                 if fields.len() == columns {
-                    return Some(Self::of(&fields));
+                    readings.push(Self::of(&fields));
                 }
             }
         }
-        None
+        readings
     }
 
     /// Names as messages list them: short ones, and not all where there are many.
@@ -224,7 +257,13 @@ fn text_of(bytes: &[u8]) -> String {
 /// A name in lower case, without what is in brackets, and without blanks and lines between its words: `X [mm]`, `x(m)`
 /// and `X_coord` become `x`, `x` and `xcoord`.
 fn plain(name: &str) -> String {
-    let before = name.trim().trim_start_matches(['#', '/', '%']).split(['[', '(', '{']).next().unwrap_or_default();
+    let before = name
+        .trim()
+        .trim_start_matches(['#', '/', '%'])
+        .trim_matches('\'')
+        .split(['[', '(', '{'])
+        .next()
+        .unwrap_or_default();
     let mut words: Vec<&str> = before.split([' ', '_', '-', '.', '\t']).filter(|word| !word.is_empty()).collect();
     // A unit without brackets.
     if words.len() == 2 && ["mm", "cm", "m", "inch", "in", "ft", "um", "µm"].contains(&words[1].to_lowercase().as_str())
@@ -254,7 +293,9 @@ mod tests {
     use super::*;
 
     fn names(line: &str, columns: usize) -> Names {
-        Names::in_line(line.as_bytes(), Separator::Blanks, columns).unwrap()
+        let readings = Names::in_line(line.as_bytes(), Separator::Blanks, columns);
+        let tells = readings.iter().find(|names| names.coordinates().is_ok_and(|found| found.is_ok()));
+        tells.unwrap_or(&readings[0]).clone()
     }
 
     #[test]
@@ -262,6 +303,12 @@ mod tests {
         for (line, columns, expected) in [
             ("X [mm] Y [mm] Z [mm]", 3, &[0, 1, 2][..]),
             ("X[mm],Y[mm],Z[mm]", 3, &[0, 1, 2]),
+            // Between blanks there are as many words, which are no names.
+            ("Y, X, Z", 3, &[1, 0, 2]),
+            ("Z; Y; X", 3, &[2, 1, 0]),
+            ("'y' 'x'", 2, &[1, 0]),
+            ("position.x,position.y,position.z", 3, &[0, 1, 2]),
+            ("Nr;Rechtswert;Hochwert;Höhe", 4, &[1, 2, 3]),
             ("Y X Z", 3, &[1, 0, 2]),
             ("No.;Easting;Northing;Elevation", 4, &[1, 2, 3]),
             ("VARIABLES = \"X\" \"Y\" \"Z\"", 3, &[0, 1, 2]),
@@ -276,7 +323,7 @@ mod tests {
         assert_eq!(names("t a", 2).coordinates().unwrap().unwrap_err(), ["x", "y"]);
         assert_eq!(names("x z", 2).coordinates().unwrap().unwrap_err(), ["y"]);
         assert!(names("x y X", 3).coordinates().is_err());
-        assert!(Names::in_line(b"a scan of a part", Separator::Blanks, 3).is_none());
+        assert!(Names::in_line(b"a scan of a part", Separator::Blanks, 3).is_empty());
     }
 
     #[test]

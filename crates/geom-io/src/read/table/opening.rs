@@ -4,7 +4,7 @@ use super::super::number::NumberStyle;
 use super::super::text::{Line, Lines, has_control, is_blank, parse_count};
 use super::dialect::{Dialect, filled};
 use super::fields::{Field, Separator, part_comment};
-use super::names::Names;
+use super::names::{Coordinates, Names};
 use crate::error::ReadErrorKind;
 use crate::read::ReadOptions;
 use crate::read::number::Value;
@@ -85,9 +85,8 @@ impl<'a> Opening<'a> {
             if dialect.fields == dialect.filled { vec![dialect.fields] } else { vec![dialect.fields, dialect.filled] };
         for at in (0..self.titles.len()).rev() {
             for &count in &counts {
-                if let Some(names) = Names::in_line(self.titles[at].text, dialect.separator, count)
-                    && fits(&names)?
-                {
+                let readings = Names::in_line(self.titles[at].text, dialect.separator, count);
+                if let Some(names) = first_that(readings, &fits)? {
                     self.titles.remove(at);
                     return Ok(Some(names));
                 }
@@ -95,9 +94,12 @@ impl<'a> Opening<'a> {
         }
         for comment in self.comments.iter().rev() {
             // Sentences name no columns: there all coordinates have to be, and no error comes of them.
-            if let Some(names) = Names::in_line(comment.text, dialect.separator, dialect.filled)
-                && fits(&names).is_ok_and(|fits| fits)
-                && (by_name || names.coordinates()?.is_ok_and(|found| found.columns.len() == dialect.filled.min(3)))
+            let has_all = |names: &Names| {
+                let has_all = |found: Coordinates| found.columns.len() == dialect.filled.min(3);
+                by_name || names.coordinates().is_ok_and(|found| found.is_ok_and(has_all))
+            };
+            let readings = Names::in_line(comment.text, dialect.separator, dialect.filled);
+            if let Some(names) = readings.into_iter().find(|names| fits(names).is_ok_and(|fits| fits) && has_all(names))
             {
                 return Ok(Some(names));
             }
@@ -120,13 +122,12 @@ impl<'a> Opening<'a> {
             }
             return Ok(None);
         }
-        match Names::in_line(last.text, dialect.separator, dialect.filled) {
-            Some(names) if names.are_known() && names.written.len() > 1 && are_words(&fields) => {
-                self.titles.pop();
-                Ok(Some(names))
-            }
-            _ => Ok(None),
+        let mut readings = Names::in_line(last.text, dialect.separator, dialect.filled).into_iter();
+        let names = readings.find(|names| names.are_known() && names.written.len() > 1 && are_words(&fields));
+        if names.is_some() {
+            self.titles.pop();
         }
+        Ok(names)
     }
 
     /// The number that titles or comments declare to stand for no data, as in `nodata = -9999`.
@@ -144,6 +145,22 @@ impl<'a> Opening<'a> {
             }
         }
     }
+}
+
+/// The first of several readings of a line that fits; where none does, what is wrong with the first of which this can be said.
+fn first_that(
+    readings: Vec<Names>,
+    fits: &dyn Fn(&Names) -> Result<bool, ReadErrorKind>,
+) -> Result<Option<Names>, ReadErrorKind> {
+    let mut wrong = None;
+    for names in readings {
+        match fits(&names) {
+            Ok(true) => return Ok(Some(names)),
+            Ok(false) => {}
+            Err(error) => wrong = wrong.or(Some(error)),
+        }
+    }
+    wrong.map_or(Ok(None), Err)
 }
 
 /// The number behind the words for no data in a line: `nodata -9999`, `NODATA_value = -9999`, `no data: -1e30`.

@@ -1,7 +1,7 @@
 //! Which column of a table holds what.
 
 use super::super::ReadOptions;
-use super::super::text::parse_count;
+use super::super::text::{parse_count, quote};
 use super::Order;
 use super::counter::{Counter, Written, first_is};
 use super::dialect::Dialect;
@@ -122,6 +122,11 @@ impl Roles {
         }
         let columns = &dialect.number_columns[..];
         if columns.len() < 2 {
+            let words = |row: &[Field<'_>]| row.iter().position(|f| dialect.style.value(f.text) == Value::Words);
+            if let Some((row, column)) = sample.first().and_then(|row| Some((row, words(row)?))) {
+                let text = quote(row[column].text);
+                return Err(ReadErrorKind::NotANumberInTable { line: first_row, column: column + 1, text });
+            }
             return Err(ReadErrorKind::RowLength { line: first_row, expected: 2, found: columns.len() });
         }
         let counter = if columns.len() > 3 { first_is(&written(dialect, sample)) } else { None };
@@ -138,7 +143,7 @@ impl Roles {
             Some(counter) => {
                 let what = match counter {
                     Counter::Number => "only counts the points",
-                    Counter::Time => "goes up by even steps, as a time does,",
+                    Counter::Time => "goes up by like steps, as a time does,",
                 };
                 let as_it_is = listed(&columns[..3], ",");
                 let number = columns[0] + 1;

@@ -70,6 +70,7 @@ pub(super) fn read_rows(
         rows: Rows::default(),
         left_out: Count::default(),
         words: Count::default(),
+        first_words: String::new(),
         row: 0,
     };
     let (mut announced, mut clouds) = (opening.announced, 1);
@@ -108,6 +109,8 @@ struct Reader<'a> {
     left_out: Count,
     /// Lines of words between rows.
     words: Count,
+    /// The first of them.
+    first_words: String,
     /// Which of the rows of the file comes next.
     row: u32,
 }
@@ -151,6 +154,9 @@ impl Reader<'_> {
     fn skip(&mut self, line: Line<'_>) -> Result<(), ReadErrorKind> {
         if has_control(line.text) {
             return Err(ReadErrorKind::NotText { line: line.number });
+        }
+        if self.words.lines == 0 {
+            self.first_words = quote(line.text);
         }
         self.words.add(line.number);
         Ok(())
@@ -241,6 +247,9 @@ impl Reader<'_> {
             self.rows.notes.push(format!("the points of {clouds} clouds were put together"));
         }
         let Count { lines, first } = self.words;
+        if lines > 0 && self.row == 0 {
+            return Err(ReadErrorKind::NoNumbers { line: first, text: self.first_words });
+        }
         if lines > 0 {
             self.rows
                 .notes
