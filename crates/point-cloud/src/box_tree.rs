@@ -387,7 +387,8 @@ mod tests {
         // Heights over degrees: whole numbers up to 1000 over a square of a tenth; and many equal ones.
         let hash = |k: u64| (k.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f64 / 16_777_216.0;
         for scale in [[1.0, 1.0, 1.0], [0.1, 0.1, 1000.0], [0.0, 1e-6, 3.0], [0.0; 3]] {
-            let point = |k: u64| [hash(3 * k) * scale[0], hash(3 * k + 1) * scale[1], (hash(3 * k + 2) * scale[2]).round()];
+            let point =
+                |k: u64| [hash(3 * k) * scale[0], hash(3 * k + 1) * scale[1], (hash(3 * k + 2) * scale[2]).round()];
             let points: Vec<[f64; 3]> = (0..500).map(point).collect();
             let tree = PointTree::new(&points);
             for k in 1000..1100 {

@@ -19,7 +19,7 @@ use crate::options::{BoundaryChoice, Pair};
 use crate::orientation::vote;
 use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
-use crate::report::{InputReport, Report, ResultReport, history, sides};
+use crate::report::{InputReport, Report, ResultReport, SmoothedMore, history, sides};
 use crate::reweighting::robust_diagonal;
 use crate::tolerance::hint;
 use crate::trim::trims;
@@ -184,7 +184,18 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let Attempt { method, fitted, creases, mut judgement } = found;
     let dhd = farthest_point(&fitted, points)?;
     let Fitted {
-        map, stop, failure, history: iterations, moves, quasi, reweighting, parameters, errors, lambda, ..
+        map,
+        stop,
+        failure,
+        history: iterations,
+        moves,
+        quasi,
+        reweighting,
+        parameters,
+        errors,
+        lambda,
+        local_smoothing,
+        ..
     } = fitted;
     let hsd = dhd.max(judgement.deviation.farthest);
     if let Some(failure) = failure {
@@ -295,6 +306,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
             tolerance,
             default_tolerance: measured,
             lambda,
+            local_smoothing: local_smoothing.into_iter().map(SmoothedMore::from).collect(),
             dhd,
             hsd,
             creases,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use adaptive::{Iteration, Observer, Outcome, Stop, run};
 use deviation::{Verdict, creases, tilted};
-use fit_ls::LeastSquares;
+use fit_ls::{LeastSquares, LocalSmoothing, Weighted};
 use moving_param::{Blend, Distance, JointOptions, Moves, MovingFit, Schedule};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use param_classic::triangulate_parameters;
@@ -112,6 +112,8 @@ pub(crate) struct Fitted {
     /// Distance of each point to the surface at its parameters.
     pub(crate) errors: Array1<f64>,
     pub(crate) lambda: f64,
+    /// Where the smoothing weight is another one.
+    pub(crate) local_smoothing: Vec<LocalSmoothing<2>>,
 }
 
 impl Fitted {
@@ -546,6 +548,7 @@ fn fixed_parameters(
     Ok(Fitted {
         errors: solver.points().as_given(&sorted).into(),
         lambda: solver.lambda().unwrap_or(0.0),
+        local_smoothing: solver.local_smoothing().to_vec(),
         parameters: problem.parameters.to_owned(),
         failure: failure.map(|error| error.to_string()),
         moves: Vec::new(),
@@ -597,6 +600,7 @@ fn moving_parameters(
     Ok(Fitted {
         errors: errors_at(&map, &parameters, problem.points)?,
         lambda: solver.lambda().unwrap_or(0.0),
+        local_smoothing: solver.least_squares().local_smoothing().to_vec(),
         moves: solver.reports().to_vec(),
         quasi: Vec::new(),
         reweighting: None,

@@ -77,7 +77,8 @@ pub use picture::draw_parameters;
 pub use pieces::{PieceFit, PieceFits, PieceReport, PiecesReport, fit_pieces, fit_pieces_file};
 pub use quasi::{LocalRule, QuasiOptions, QuasiReport};
 pub use report::{
-    InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, layout_report,
+    InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, SmoothedMore,
+    layout_report,
 };
 pub use reweighting::{LossChoice, MarkerChoice, ReweightingOptions, ReweightingReport, UpdateChoice};
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};

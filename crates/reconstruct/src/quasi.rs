@@ -135,6 +135,7 @@ pub(crate) fn fit(
     Ok(Fitted {
         errors: errors_at(&map, &parameters, problem.points)?,
         lambda: quasi.lambda().and_then(LocalLambda::number).unwrap_or(0.0),
+        local_smoothing: Vec::new(),
         quasi: solver.work().into_iter().map(QuasiReport::of).collect(),
         moves: if method == Method::AQi { reports } else { Vec::new() },
         reweighting: None,

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use adaptive::Iteration;
 use deviation::{Deviation, Reason, Thresholds, Verdict};
+use fit_ls::LocalSmoothing;
 use geom_io::TakenColumn;
 use moving_param::Moves;
 use serde::Serialize;
@@ -49,6 +50,23 @@ pub struct LayoutReport<'a> {
     pub parameterization: &'a ParameterReport,
     /// What the user should know.
     pub warnings: &'a [String],
+}
+
+/// A box of the parameter domain with more smoothing.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct SmoothedMore {
+    /// Lower corner.
+    pub lower: [f64; 2],
+    /// Upper corner.
+    pub upper: [f64; 2],
+    /// Factor of the smoothing weight.
+    pub factor: f64,
+}
+
+impl From<LocalSmoothing<2>> for SmoothedMore {
+    fn from(local: LocalSmoothing<2>) -> Self {
+        Self { lower: local.lower, upper: local.upper, factor: local.factor }
+    }
 }
 
 /// The report of a scan that was laid out.
@@ -113,6 +131,10 @@ pub struct ResultReport {
     pub default_tolerance: Option<DefaultTolerance>,
     /// The smoothing weight that was used.
     pub lambda: f64,
+    /// Boxes of the parameter domain with more smoothing, where the surface would pass through itself; absent without. A cell has the
+    /// largest factor of those that it overlaps.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub local_smoothing: Vec<SmoothedMore>,
     /// Largest distance of a point to the surface, wherever its closest point lies.
     pub dhd: f64,
     /// Two-sided distance: that, or `deviation.farthest` if larger. Far above `dhd` where the surface

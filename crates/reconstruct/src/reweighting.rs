@@ -465,6 +465,7 @@ where
     let fitted = Fitted {
         errors: Array1::from(errors),
         lambda: lambda.unwrap_or(0.0),
+        local_smoothing: solver.least_squares().local_smoothing().to_vec(),
         parameters: problem.parameters.to_owned(),
         failure: failure.map(|error| error.to_string()),
         moves: Vec::new(),
