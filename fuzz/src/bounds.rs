@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, Once};
 use std::time::Duration;
 
-use rustix::time::{ClockId, clock_gettime};
+use nix::time::{ClockId, clock_gettime};
 
 use crate::allocation;
 
@@ -124,6 +124,7 @@ fn watch() {
 
 /// Time that all threads of the process have run.
 fn processor_time() -> Duration {
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
+    let time = clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID)
+        .expect("systems that libFuzzer runs on tell the time of a process");
+    Duration::from(time)
 }

@@ -34,7 +34,8 @@ fn round_trips(model: &Model) {
     text.clear();
     gismo::write_gismo(&mut text, model).expect("memory takes what is written");
     let again = told(gismo::parse_gismo(&text)).expect("what was written is read");
-    assert_eq!(coefficients(&again).len() % coefficients(model).len().max(1), 0, "coefficients after XML");
+    // Periodic directions are opened there, so the number of coefficients may differ.
+    assert_eq!(coefficients(&again).ncols(), coefficients(model).ncols(), "coordinates after XML");
     match &model.geometry {
         Geometry::Curve(map) => {
             let (lower, upper) = map.space().domain();

@@ -27,10 +27,10 @@ const EXPANSION_FLOOR: usize = 1 << 20;
 /// only [`MAX_EXPANSION_OF_MUCH`] times. Text of measured points stays below 10; deflate reaches 1032 on bytes that are all
 /// equal, which no scan is. What a MiB expands to is read within two seconds and the memory of a small program.
 const MAX_EXPANSION: usize = 200;
-const MUCH: usize = 32 << 20;
+const MUCH: usize = 12 << 20;
 
 /// See [`MAX_EXPANSION`].
-const MAX_EXPANSION_OF_MUCH: usize = 20;
+const MAX_EXPANSION_OF_MUCH: usize = 12;
 
 /// Limit: containers within one another, such as gzip in zip. Nobody needs the third; one that holds itself would never end.
 const MAX_CONTAINERS: usize = 3;
@@ -335,8 +335,8 @@ mod tests {
             (1000, MIB),
             (10_000, 2_000_000),
             (MUCH / 200, MUCH / 200 * 200),
-            (MIB, 32 * MIB),
-            (8 * MIB, 160 * MIB),
+            (MIB, 12 * MIB),
+            (8 * MIB, 96 * MIB),
             (usize::MAX, usize::MAX),
         ] {
             assert_eq!(Budget::new(compressed, None).limit, limit, "{compressed}");

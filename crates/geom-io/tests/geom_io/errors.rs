@@ -38,6 +38,27 @@ fn the_path_stands_in_front() {
 }
 
 #[test]
+fn names_of_a_file_cannot_steer_a_terminal_or_flood_it() {
+    for name in ["\u{1b}[2J", "\u{7f}", "a\u{8}b", &"long".repeat(5000)] {
+        let properties = format!("property float {name}\n").repeat(100);
+        let element =
+            format!("ply\nformat ascii 1.0\nelement {name} 1\nproperty float a\nelement vertex 0\nend_header\n");
+        let ply = format!("ply\nformat ascii 1.0\nelement vertex 1\n{properties}end_header\n");
+        for (format, text) in [
+            (Format::Ply, ply),
+            (Format::Ply, element),
+            (Format::GismoXml, format!("<xml><Matrix id='{name}'/></xml>")),
+            (Format::GismoXml, format!("<xml><{name}></xml>")),
+            (Format::Csv, format!("{name}{}\n1,2,3\n", format!(",{name}").repeat(100))),
+        ] {
+            let message = fail(format, text).to_string();
+            assert!(!message.chars().any(char::is_control), "{message:?}");
+            assert!(message.chars().count() < 1500, "{message}");
+        }
+    }
+}
+
+#[test]
 fn nothing_in_the_file() {
     for format in Format::ALL {
         for bytes in ["", " \r\n\t\n"] {
