@@ -378,7 +378,7 @@ mod tests {
     #[test]
     fn points_within_a_distance_go_to_the_first_that_stays() {
         for (seed, scale, distance) in
-            [(1, 1.0, 0.05), (2, 1e-200, 3e-202), (3, 1e90, 1e89), (4, 1.0, 10.0), (5, 1.0, 1e-9)]
+            [(1, 1.0, 0.05), (2, 1e-100, 3e-102), (3, 1e90, 1e89), (4, 1.0, 10.0), (5, 1.0, 1e-9)]
         {
             let mut random = random(seed);
             let mut points: Vec<[f64; 3]> =
