@@ -100,16 +100,26 @@ pub fn bounded<T>(bounds: Bounds, work: impl FnOnce() -> T) -> T {
         let mut worst = WORST.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         *worst = [worst[0].max(shares[0]), worst[1].max(shares[1])];
     }
-    assert!(cost.memory <= bounds.memory, "memory: {} bytes, more than {}", cost.memory, bounds.memory);
-    assert!(cost.time <= limit, "time: {:.3?} of the processor, more than {limit:.3?}", cost.time);
+    assert!(
+        cost.memory <= bounds.memory,
+        "{}: {} bytes of memory, more than {}",
+        running(),
+        cost.memory,
+        bounds.memory
+    );
+    assert!(cost.time <= limit, "{}: {:.3?} of the processor, more than {limit:.3?}", running(), cost.time);
     done
 }
 
 /// Ends the process with a reason, and where it stood: libFuzzer keeps the input.
 pub(crate) fn give_up(reason: &str) -> ! {
-    let running = RUNNING.try_lock().map_or_else(|_| String::new(), |name| name.clone());
-    eprintln!("{running}: {reason}\n{}", Backtrace::force_capture());
+    eprintln!("{}: {reason}\n{}", running(), Backtrace::force_capture());
     std::process::abort();
+}
+
+/// What runs, unless it is being named.
+fn running() -> String {
+    RUNNING.try_lock().map_or_else(|_| String::new(), |name| name.clone())
 }
 
 fn watch() {

@@ -18,17 +18,17 @@ use reconstruct::{Fit, fit_scan};
 use super::models::{check_written, told, written};
 use super::{files, messages};
 use crate::args::{Cli, Command};
-use crate::bounds::{Bounds, bounded};
+use crate::bounds::{self, Bounds, bounded};
 use crate::random::Choices;
 
 /// Bytes of an input that choose the options, and those that choose the shape.
 const OF_OPTIONS: usize = 8;
 const OF_SHAPE: usize = 8;
 
-/// Most that a fit of so few points may take: the methods without a system of their own need most of the time, and the networks
-/// most of the memory.
+/// Most that a fit of so few points may take. Only reading is promised to take less. The methods without a system of their own need most
+/// of the time. Of the memory, faer's product of dense matrices reserves 960 MiB once a thread, and writes to few pages of them.
 const TIME: Duration = Duration::from_secs(20);
-const MEMORY: usize = 512 << 20;
+const MEMORY: usize = (960 + 512) << 20;
 
 /// A value that stands for a file.
 const FILE: &str = "FILE";
@@ -186,6 +186,7 @@ pub(super) fn run(bytes: &[u8]) {
             value => typed.push(format!("{name}={value}")),
         }
     }
+    bounds::name_running(&typed.join(" "));
     let cli = Cli::try_parse_from(&typed).unwrap_or_else(|error| panic!("{typed:?}: {error}"));
     let Command::Fit(args) = cli.command else { panic!("the command is to fit") };
     let options = args.options();
