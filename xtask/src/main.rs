@@ -8,6 +8,7 @@ use param_nn::{
     Architecture, Form, GridTrainOptions, GridTrainer, GriddedSpec, Neighbours, PargcnForm, PargcnTrainOptions,
     PargcnTrainer, Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions, Trainer, Variant,
 };
+use xtask::fuzz::Fuzz;
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
 use xtask::generate::{fixtures, gridded, scattered};
@@ -42,6 +43,24 @@ enum Arguments {
     /// Train a network.
     #[command(subcommand)]
     Train(Train),
+    /// Run the fuzz targets with libFuzzer, or the inputs that are kept without it.
+    Fuzz {
+        /// Seconds of all targets in sum, by the clock.
+        #[arg(long, default_value_t = 600, conflicts_with = "replay")]
+        seconds: u64,
+        /// Targets, by the names of the files in fuzz/fuzz_targets. [default: all]
+        #[arg(long, value_delimiter = ',', conflicts_with = "replay")]
+        targets: Vec<String>,
+        /// The folder where a run goes on from the one before, target/fuzz by default.
+        #[arg(long, conflicts_with = "replay")]
+        state: Option<PathBuf>,
+        /// Instead keep, as fuzz/corpus, the fewest of the kept and the found inputs that reach as much.
+        #[arg(long, conflicts_with_all = ["replay", "seconds"])]
+        minimize: bool,
+        /// Instead run the inputs in fuzz/corpus and fuzz/regressions once, within the bounds of memory and time.
+        #[arg(long)]
+        replay: bool,
+    },
 }
 
 #[derive(Subcommand)]
@@ -490,6 +509,16 @@ fn main() -> Result<()> {
             let spec = ScatteredSpec { control_points: family.into(), degree, interior: points, noise };
             let paths = scattered::write(&spec, seed, count, &out)?;
             println!("{} clouds in {}", paths.len(), out.display());
+        }
+        Arguments::Fuzz { seconds, targets, state, minimize, replay } => {
+            let state = state.unwrap_or_else(|| root.join("target/fuzz"));
+            let fuzz = Fuzz { root: &root, targets, state };
+            let say = &mut |line: &str| println!("{line}");
+            match (replay, minimize) {
+                (true, _) => fuzz.replay()?,
+                (_, true) => fuzz.minimize(say)?,
+                _ => fuzz.run(seconds, say)?,
+            }
         }
         Arguments::Tidy => {
             let findings = tidy::check(&root)?;

@@ -14,6 +14,32 @@ pub(crate) fn quote(text: &str) -> String {
     }
 }
 
+/// Longest text of a parser or of a file in an error that doesn't quote it.
+const PLAIN_LENGTH: usize = 200;
+
+/// A text of a file, or one that may hold such, as errors show it where they don't quote: shortened, and without characters that a
+/// terminal would obey.
+pub(crate) fn plain(text: &str) -> String {
+    let mut shown: String =
+        text.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).take(PLAIN_LENGTH).collect();
+    if text.chars().nth(PLAIN_LENGTH).is_some() {
+        shown.push('…');
+    }
+    shown
+}
+
+/// Most names that an error gives where all would be too many.
+const NAMED: usize = 24;
+
+/// The first names and how many there are beyond.
+fn named(names: &[String]) -> String {
+    let shown: Vec<String> = names.iter().take(NAMED).map(|name| plain(&quote(name))).collect();
+    match names.len() - shown.len() {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
+    }
+}
+
 /// Most names that an error lists.
 const LISTED: usize = 8;
 
@@ -64,7 +90,7 @@ impl fmt::Display for Location {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
-            Self::Record { element, index } => write!(f, "{element} {index} (counted from 0)"),
+            Self::Record { element, index } => write!(f, "{} {index} (counted from 0)", plain(element)),
             Self::Byte(byte) => write!(f, "byte {byte}"),
             Self::MatrixValue { id, index } => write!(f, "matrix {id}, value {index} (counted from 0)"),
         }
@@ -327,7 +353,7 @@ pub enum ReadErrorKind {
         reason: &'static str,
     },
     /// The file ends before all that its header announced.
-    #[error("the file is cut off: its header announces {expected} records of {element}, {found} are there")]
+    #[error("the file is cut off: its header announces {expected} records of {}, {found} are there", plain(element))]
     Truncated {
         /// What is counted (vertex, face, cell, …).
         element: String,
@@ -371,7 +397,7 @@ pub enum ReadErrorKind {
         length: f64,
     },
     /// A PLY element lacks a property.
-    #[error("element `vertex` has no property `{property}`; its properties are: {}", listed(found))]
+    #[error("element `vertex` has no property `{property}`; its properties are: {}", named(found))]
     MissingProperty {
         /// The property.
         property: &'static str,
@@ -379,7 +405,7 @@ pub enum ReadErrorKind {
         found: Vec<String>,
     },
     /// A table lacks a column.
-    #[error("no column named {}; the columns are: {}", missing.join(", "), found.join(", "))]
+    #[error("no column named {}; the columns are: {}", named(missing), named(found))]
     ColumnsNotFound {
         /// Names that are looked for, and missing.
         missing: Vec<String>,
@@ -387,7 +413,7 @@ pub enum ReadErrorKind {
         found: Vec<String>,
     },
     /// A column that is needed occurs twice.
-    #[error("two columns are named {name}; take one by its number")]
+    #[error("two columns are named {}; take one by its number", plain(name))]
     DuplicateColumn {
         /// The name.
         name: String,
@@ -415,13 +441,13 @@ pub enum ReadErrorKind {
         key: &'static str,
     },
     /// The XML is not well-formed.
-    #[error("not well-formed XML: {reason}")]
+    #[error("not well-formed XML: {}", plain(reason))]
     Xml {
         /// What the XML parser says, with its position.
         reason: String,
     },
     /// The XML holds a spline model and no cloud.
-    #[error("the file holds a model ({geometry}), not a point cloud; there is nothing to fit")]
+    #[error("the file holds a model ({}), not a point cloud; there is nothing to fit", plain(geometry))]
     HoldsModel {
         /// Type of the geometry, as in the file.
         geometry: String,
@@ -429,7 +455,7 @@ pub enum ReadErrorKind {
     /// The two matrices of a cloud are not there exactly once each.
     #[error(
         "a cloud is a matrix with id 0 (parameters) and one with id 1 (points), each once; the file has: {}",
-        if ids.is_empty() { "no matrix".to_owned() } else { ids.join(", ") }
+        if ids.is_empty() { "no matrix".to_owned() } else { named(ids) }
     )]
     MatrixIds {
         /// The ids that are there, in file order; `none` for a matrix without id.

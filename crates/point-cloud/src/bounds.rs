@@ -1,6 +1,6 @@
 //! Bounding box and normalization.
 
-use ndarray::{Array1, Array2, ArrayView2};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 
 use crate::CloudError;
 
@@ -19,14 +19,20 @@ impl BoundingBox {
     /// # Errors
     /// [`CloudError::TooFewPoints`] without a point.
     pub fn of(points: ArrayView2<'_, f64>) -> Result<Self, CloudError> {
-        if points.nrows() == 0 {
-            return Err(CloudError::TooFewPoints { given: 0, required: 1 });
-        }
-        let mut lower = points.row(0).to_owned();
-        let mut upper = lower.clone();
-        for point in points.rows() {
-            lower.zip_mut_with(&point, |l, &x| *l = l.min(x));
-            upper.zip_mut_with(&point, |u, &x| *u = u.max(x));
+        Self::of_rows(points.rows().into_iter())
+    }
+
+    /// The same for points one by one.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn of_rows<'a>(mut points: impl Iterator<Item = ArrayView1<'a, f64>>) -> Result<Self, CloudError> {
+        let first = points.next().ok_or(CloudError::TooFewPoints { given: 0, required: 1 })?;
+        let (mut lower, mut upper) = (first.to_owned(), first.to_owned());
+        for point in points {
+            for ((lower, upper), &x) in lower.iter_mut().zip(&mut upper).zip(point) {
+                (*lower, *upper) = (lower.min(x), upper.max(x));
+            }
         }
         Ok(Self { lower, upper })
     }

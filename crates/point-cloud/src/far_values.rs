@@ -1,6 +1,6 @@
 //! Values far beyond the rest of a scan: fill values of cells that were not measured, single coordinates that went wrong.
 
-use ndarray::{ArrayView2, Axis};
+use ndarray::ArrayView2;
 
 use crate::{BoundingBox, CloudError, TriangleMesh, check_finite};
 
@@ -149,10 +149,11 @@ impl FarValues {
             }
         }
         let limits: Vec<[f64; 2]> = axes.iter().map(|axis| [axis.values[axis.first], axis.values[axis.last]]).collect();
+        drop(sorted);
         let is_far = |i: &u32| {
             points.row(*i as usize).iter().zip(&limits).any(|(x, [lower, upper])| !(*lower..=*upper).contains(x))
         };
-        let (rows, others): (Vec<u32>, Vec<u32>) = (0..m as u32).partition(|i| is_far(i));
+        let rows: Vec<u32> = (0..m as u32).filter(is_far).collect();
         if rows.len() as f64 > MOST_EQUAL * m as f64 {
             return Self::none(points);
         }
@@ -170,8 +171,9 @@ impl FarValues {
         let mut fills: Vec<u32> = shared.flatten().map(|value| value.2).collect();
         fills.sort_unstable();
         fills.dedup();
-        let others: Vec<usize> = others.into_iter().map(|i| i as usize).collect();
-        Ok(Self { rows, fills: fills.len(), bounds: BoundingBox::of(points.select(Axis(0), &others).view())? })
+        let mut next = rows.iter().peekable();
+        let others = (0..m as u32).filter(|i| next.next_if_eq(&i).is_none()).map(|i| points.row(i as usize));
+        Ok(Self { fills: fills.len(), bounds: BoundingBox::of_rows(others)?, rows })
     }
 }
 
@@ -245,7 +247,7 @@ fn diagonal_of(sides: impl Iterator<Item = f64> + Clone) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::{Array2, array};
+    use ndarray::{Array2, Axis, array};
 
     /// An `n` by `n` lattice over the square of side `side`, bent by `relief`.
     fn terrain(n: usize, side: f64, relief: f64) -> Array2<f64> {

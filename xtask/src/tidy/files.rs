@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 /// Folders of the workspace that hold no sources.
-const SKIPPED: [&str; 3] = [".git", "target", "docs/book"];
+const SKIPPED: [&str; 4] = [".git", "target", "docs/book", "fuzz/target"];
 
 /// Every clone pays for large files, for ever.
 const LARGEST: u64 = 2 << 20;

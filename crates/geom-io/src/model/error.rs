@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::error::{ReadErrorKind, WriteError};
+use crate::error::{ReadErrorKind, WriteError, plain};
 
 /// A model could not be read or written: which file, and why.
 #[derive(Debug, thiserror::Error)]
@@ -33,7 +33,7 @@ pub enum ModelErrorKind {
         supported: &'static str,
     },
     /// The file is not JSON, is cut off, or lacks a field.
-    #[error("line {line}, column {column}: {reason}; this is no intact model file")]
+    #[error("line {line}, column {column}: {}; this is no intact model file", plain(reason))]
     Json {
         /// Line, counted from 1.
         line: usize,
@@ -130,7 +130,7 @@ pub enum ModelErrorKind {
     #[error(transparent)]
     Spline(#[from] thb_core::Error),
     /// The XML is not well-formed, or not text.
-    #[error("not well-formed XML: {reason}")]
+    #[error("not well-formed XML: {}", plain(reason))]
     Xml {
         /// What the XML parser says, with its position.
         reason: String,

@@ -64,7 +64,8 @@ pub struct ReadOptions {
     pub classes: Vec<u8>,
     /// Column of a CSV file that holds the confidence in each point, a name or a number from 1 on; `None` reads none.
     pub weights: Option<String>,
-    /// How many times their own size compressed data (gzip, zip, LAZ, 3MF, GeoTIFF) may expand to; `None` for 200. A MiB is always allowed.
+    /// How many times their own size compressed data (gzip, zip, LAZ, 3MF, GeoTIFF) may expand to; `None` for 200, and for 32 beyond
+    /// 32 MiB. A MiB is always allowed.
     pub max_expand: Option<usize>,
     /// Whether x and y, each from 0 to 1 over its own extent, become the parameters of points that have none.
     pub height_field: bool,
@@ -329,9 +330,11 @@ fn leave_out_non_finite(scan: &mut Scan) -> Result<(), ReadErrorKind> {
 
 /// Checks that coordinates can be computed with: their squares, and sums of these, must not overflow.
 fn check_range(scan: &Scan) -> Result<(), ReadErrorKind> {
-    match scan.cloud.points.indexed_iter().find(|&(_, &value)| value.abs() > MAX_COORDINATE) {
-        Some(((at, _), &value)) => {
-            Err(ReadErrorKind::CoordinateRange { row: scan.rows[at], value, limit: MAX_COORDINATE })
+    let points = &scan.cloud.points;
+    match points.iter().enumerate().find(|&(_, &value)| value.abs() > MAX_COORDINATE) {
+        Some((place, &value)) => {
+            let row = scan.rows[place / points.ncols()];
+            Err(ReadErrorKind::CoordinateRange { row, value, limit: MAX_COORDINATE })
         }
         None => Ok(()),
     }

@@ -23,9 +23,14 @@ const ZIP: &[u8] = b"PK\x03\x04";
 /// harms nobody.
 const EXPANSION_FLOOR: usize = 1 << 20;
 
-/// Limit: how many times their own size compressed data may expand to, unless the options say more. Text of measured points
-/// stays below 10; deflate reaches 1032 on bytes that are all equal, which no scan is.
-pub(super) const MAX_EXPANSION: usize = 200;
+/// Limit: how many times their own size compressed data may expand to, unless the options say more, and beyond how many bytes
+/// only [`MAX_EXPANSION_OF_MUCH`] times. Text of measured points stays below 10; deflate reaches 1032 on bytes that are all
+/// equal, which no scan is. What a MiB expands to is read within two seconds and the memory of a small program.
+const MAX_EXPANSION: usize = 200;
+const MUCH: usize = 32 << 20;
+
+/// See [`MAX_EXPANSION`].
+const MAX_EXPANSION_OF_MUCH: usize = 32;
 
 /// Limit: containers within one another, such as gzip in zip. Nobody needs the third; one that holds itself would never end.
 const MAX_CONTAINERS: usize = 3;
@@ -50,8 +55,12 @@ pub(super) struct Budget {
 impl Budget {
     /// For data of so many compressed bytes; `factor` is how many times as many they may become.
     pub(super) fn new(compressed: usize, factor: Option<usize>) -> Self {
-        let limit = compressed.saturating_mul(factor.unwrap_or(MAX_EXPANSION)).max(EXPANSION_FLOOR);
-        Self { compressed, limit, spent: 0 }
+        let times = |factor: usize| compressed.saturating_mul(factor);
+        let limit = match factor {
+            Some(factor) => times(factor),
+            None => times(MAX_EXPANSION).min(MUCH).max(times(MAX_EXPANSION_OF_MUCH)),
+        };
+        Self { compressed, limit: limit.max(EXPANSION_FLOOR), spent: 0 }
     }
 
     /// Bytes that may still come.
@@ -314,12 +323,30 @@ mod tests {
         let bytes = gzip(&[b'0'; 3 << 20]);
         let few = unpack(&bytes, None).err().unwrap();
         let limit = EXPANSION_FLOOR.max(MAX_EXPANSION * bytes.len());
+        assert_eq!(limit, Budget::new(bytes.len(), None).limit);
         assert!(
             matches!(few, ReadErrorKind::Expansion { compressed, limit: l } if (compressed, l) == (bytes.len(), limit))
         );
         assert_eq!(unpack(&bytes, Some(2000)).unwrap().bytes.len(), 3 << 20);
         assert!(unpack(&gzip(&vec![b'0'; EXPANSION_FLOOR]), Some(1)).is_ok());
         assert!(unpack(&gzip(&vec![b'0'; EXPANSION_FLOOR + 1]), Some(1)).is_err());
+    }
+
+    #[test]
+    fn much_may_not_expand_as_often_as_little() {
+        const MIB: usize = 1 << 20;
+        for (compressed, limit) in [
+            (0, MIB),
+            (1000, MIB),
+            (10_000, 2_000_000),
+            (MUCH / 200, MUCH / 200 * 200),
+            (MIB, 12 * MIB),
+            (8 * MIB, 96 * MIB),
+            (usize::MAX, usize::MAX),
+        ] {
+            assert_eq!(Budget::new(compressed, None).limit, limit, "{compressed}");
+        }
+        assert_eq!(Budget::new(MIB, Some(300)).limit, 300 * MIB);
     }
 
     #[test]

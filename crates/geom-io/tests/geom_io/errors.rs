@@ -38,6 +38,31 @@ fn the_path_stands_in_front() {
 }
 
 #[test]
+fn names_of_a_file_cannot_steer_a_terminal_or_flood_it() {
+    for name in ["\u{1b}[2J", "\u{7f}", "a\u{8}b", &"long".repeat(5000)] {
+        let properties = format!("property float {name}\n").repeat(100);
+        let element =
+            format!("ply\nformat ascii 1.0\nelement {name} 1\nproperty float a\nelement vertex 0\nend_header\n");
+        let ply = format!("ply\nformat ascii 1.0\nelement vertex 1\n{properties}end_header\n");
+        for (format, text) in [
+            (Format::Ply, ply),
+            (Format::Ply, element),
+            (Format::GismoXml, format!("<xml><Matrix id='{name}'/></xml>")),
+            (Format::GismoXml, format!("<xml><{name}></xml>")),
+            (Format::Csv, format!("{name},x,y,z,{name}{}\n", format!("\n1,2,3,4,{name}").repeat(20))),
+        ] {
+            let told = parse_scan(text.as_bytes(), format, &ReadOptions::default());
+            let messages = told.map_or_else(|error| vec![error.to_string()], |scan| scan.notes);
+            assert!(!messages.is_empty(), "{text:?}");
+            for message in messages {
+                assert!(!message.chars().any(char::is_control), "{message:?}");
+                assert!(message.chars().count() < 1500, "{message}");
+            }
+        }
+    }
+}
+
+#[test]
 fn nothing_in_the_file() {
     for format in Format::ALL {
         for bytes in ["", " \r\n\t\n"] {

@@ -1,0 +1,5 @@
+//! The target `beside`.
+
+#![no_main]
+
+fuzz::fuzz_program!(BESIDE);

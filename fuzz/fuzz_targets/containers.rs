@@ -1,0 +1,5 @@
+//! The target `containers`.
+
+#![no_main]
+
+fuzz::fuzz_program!(CONTAINERS);

@@ -1,0 +1,5 @@
+//! The target `glb`.
+
+#![no_main]
+
+fuzz::fuzz_program!(GLB);

@@ -1,0 +1,5 @@
+//! The target `las`.
+
+#![no_main]
+
+fuzz::fuzz_program!(LAS);

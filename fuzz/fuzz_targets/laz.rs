@@ -1,0 +1,5 @@
+//! The target `laz`.
+
+#![no_main]
+
+fuzz::fuzz_program!(LAZ);

@@ -1,0 +1,5 @@
+//! The target `models`.
+
+#![no_main]
+
+fuzz::fuzz_program!(MODELS);

@@ -1,0 +1,5 @@
+//! The target `obj`.
+
+#![no_main]
+
+fuzz::fuzz_program!(OBJ);

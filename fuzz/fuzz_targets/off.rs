@@ -1,0 +1,5 @@
+//! The target `off`.
+
+#![no_main]
+
+fuzz::fuzz_program!(OFF);

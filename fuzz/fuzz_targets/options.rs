@@ -1,0 +1,5 @@
+//! The target `options`.
+
+#![no_main]
+
+fuzz::fuzz_program!(OPTIONS);

@@ -1,0 +1,5 @@
+//! The target `pcd`.
+
+#![no_main]
+
+fuzz::fuzz_program!(PCD);

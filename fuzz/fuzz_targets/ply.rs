@@ -1,0 +1,5 @@
+//! The target `ply`.
+
+#![no_main]
+
+fuzz::fuzz_program!(PLY);

@@ -1,0 +1,5 @@
+//! The target `ptx`.
+
+#![no_main]
+
+fuzz::fuzz_program!(PTX);

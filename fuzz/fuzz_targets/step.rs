@@ -1,0 +1,5 @@
+//! The target `step`.
+
+#![no_main]
+
+fuzz::fuzz_program!(STEP);

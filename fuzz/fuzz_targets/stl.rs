@@ -1,0 +1,5 @@
+//! The target `stl`.
+
+#![no_main]
+
+fuzz::fuzz_program!(STL);

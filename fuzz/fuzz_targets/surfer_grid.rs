@@ -1,0 +1,5 @@
+//! The target `surfer_grid`.
+
+#![no_main]
+
+fuzz::fuzz_program!(SURFER_GRID);

@@ -1,0 +1,5 @@
+//! The target `table`.
+
+#![no_main]
+
+fuzz::fuzz_program!(TABLE);

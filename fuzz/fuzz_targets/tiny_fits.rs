@@ -1,0 +1,5 @@
+//! The target `tiny_fits`.
+
+#![no_main]
+
+fuzz::fuzz_program!(TINY_FITS);

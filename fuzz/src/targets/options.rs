@@ -1,0 +1,81 @@
+//! What is typed: the command line's parser, and the parsers of its values.
+
+use std::fmt::{Debug, Display};
+use std::str::FromStr;
+
+use clap::Parser;
+use reconstruct::{
+    BlendChoice, ClosedChoice, CornerChoice, Crop, CurveParameters, Ends, GivenCorners, KnotChoice, LambdaChoice,
+    LossChoice, Mark, MarkerChoice, Method, Pair, ParameterChoice, RadiusChoice, Tolerance, UpdateChoice,
+};
+
+use super::messages;
+use crate::args::{Cli, Command};
+use crate::bounds::{Bounds, bounded};
+
+/// Bytes that the program's own list of options stands for.
+const BYTES: usize = 1 << 14;
+
+/// Takes the lines as what is typed, and the whole as a value of each option.
+pub(super) fn run(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    bounded(Bounds::of_reading(BYTES + bytes.len(), BYTES + bytes.len()), || {
+        match Cli::try_parse_from(std::iter::once("thb").chain(text.lines())) {
+            Ok(cli) => check(cli.command),
+            // Help and usage have several lines.
+            Err(error) => assert!(!error.to_string().trim().is_empty(), "a message is empty"),
+        }
+        values(&text);
+    });
+}
+
+fn check(command: Command) {
+    let result = match command {
+        Command::Fit(args) => args.options().check(),
+        Command::FitCurve(args) => args.options().check(),
+        Command::Param(args) => args.layout.options().check(),
+        Command::Compare { read, .. } | Command::Info { read, .. } => {
+            let _ = read.options();
+            return;
+        }
+        Command::Eval { .. } | Command::Convert { .. } => return,
+    };
+    if let Err(error) = result {
+        messages::check(&error.to_string());
+    }
+}
+
+fn values(text: &str) {
+    value::<BlendChoice>(text);
+    value::<ClosedChoice>(text);
+    value::<CornerChoice>(text);
+    value::<Crop>(text);
+    value::<CurveParameters>(text);
+    value::<Ends>(text);
+    value::<GivenCorners>(text);
+    value::<KnotChoice>(text);
+    value::<LambdaChoice>(text);
+    value::<LossChoice>(text);
+    value::<Mark>(text);
+    value::<MarkerChoice>(text);
+    value::<Method>(text);
+    value::<Pair>(text);
+    value::<ParameterChoice>(text);
+    value::<RadiusChoice>(text);
+    value::<Tolerance>(text);
+    value::<UpdateChoice>(text);
+}
+
+/// Checks that a value reads back as it is written: reports write options as they are typed.
+fn value<T: FromStr<Err: Display> + Display + Debug>(text: &str) {
+    match text.parse::<T>() {
+        Ok(value) => {
+            let typed = value.to_string();
+            let again = typed.parse::<T>();
+            let again = again.unwrap_or_else(|error| panic!("{text:?} is written {typed:?}: {error}"));
+            // NaN is not equal to itself, so texts are compared.
+            assert_eq!(format!("{again:?}"), format!("{value:?}"), "{text:?} is written {typed:?}");
+        }
+        Err(error) => assert!(!error.to_string().trim().is_empty(), "a message is empty"),
+    }
+}
