@@ -581,7 +581,7 @@ pub(crate) struct ReadArgs {
     /// Take x and y, each scaled to 0 to 1, as parameters of points that have none: z is a height over them.
     #[arg(long)]
     height_field: bool,
-    /// How many times their own size compressed data (.gz, .zip, .laz, .3mf) may expand to. [default: 200, beyond 32 MiB 32]
+    /// How many times their own size compressed data (.gz, .zip, .laz, .3mf) may expand to. [default: 200, and 12 MiB at most for the first MiB]
     #[arg(long, value_name = "TIMES")]
     max_expand: Option<usize>,
 }

@@ -64,8 +64,8 @@ pub struct ReadOptions {
     pub classes: Vec<u8>,
     /// Column of a CSV file that holds the confidence in each point, a name or a number from 1 on; `None` reads none.
     pub weights: Option<String>,
-    /// How many times their own size compressed data (gzip, zip, LAZ, 3MF, GeoTIFF) may expand to; `None` for 200, and for 32 beyond
-    /// 32 MiB. A MiB is always allowed.
+    /// How many times their own size compressed data (gzip, zip, LAZ, 3MF, GeoTIFF) may expand to; `None` for 200, and the
+    /// first MiB to 12 MiB at most. A MiB is always allowed.
     pub max_expand: Option<usize>,
     /// Whether x and y, each from 0 to 1 over its own extent, become the parameters of points that have none.
     pub height_field: bool,

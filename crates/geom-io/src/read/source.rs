@@ -23,14 +23,13 @@ const ZIP: &[u8] = b"PK\x03\x04";
 /// harms nobody.
 const EXPANSION_FLOOR: usize = 1 << 20;
 
-/// Limit: how many times their own size compressed data may expand to, unless the options say more, and beyond how many bytes
-/// only [`MAX_EXPANSION_OF_MUCH`] times. Text of measured points stays below 10; deflate reaches 1032 on bytes that are all
-/// equal, which no scan is. What a MiB expands to is read within two seconds and the memory of a small program.
+/// Limit: how many times their own size compressed data may expand to, unless the options say more. Text of measured points stays
+/// below 10; deflate reaches 1032 on bytes that are all equal, which no scan is.
 const MAX_EXPANSION: usize = 200;
-const MUCH: usize = 32 << 20;
 
-/// See [`MAX_EXPANSION`].
-const MAX_EXPANSION_OF_MUCH: usize = 32;
+/// Limit: bytes that the first MiB of compressed data may expand to: they are read within two seconds and the memory of a small
+/// program.
+const MAX_OF_FIRST_MIB: usize = 12 << 20;
 
 /// Limit: containers within one another, such as gzip in zip. Nobody needs the third; one that holds itself would never end.
 const MAX_CONTAINERS: usize = 3;
@@ -55,10 +54,13 @@ pub(super) struct Budget {
 impl Budget {
     /// For data of so many compressed bytes; `factor` is how many times as many they may become.
     pub(super) fn new(compressed: usize, factor: Option<usize>) -> Self {
-        let times = |factor: usize| compressed.saturating_mul(factor);
+        let times = |bytes: usize, factor: usize| bytes.saturating_mul(factor);
         let limit = match factor {
-            Some(factor) => times(factor),
-            None => times(MAX_EXPANSION).min(MUCH).max(times(MAX_EXPANSION_OF_MUCH)),
+            Some(factor) => times(compressed, factor),
+            None => {
+                let further = times(compressed.saturating_sub(1 << 20), MAX_EXPANSION);
+                times(compressed, MAX_EXPANSION).min(MAX_OF_FIRST_MIB.saturating_add(further))
+            }
         };
         Self { compressed, limit: limit.max(EXPANSION_FLOOR), spent: 0 }
     }
