@@ -342,9 +342,9 @@ impl<'a> Measured<'a> {
             let size = (part.gathers.max(part.area) / mesh.curved.areas()[t]).sqrt();
             Some(At { triangle: part.triangle, weights, distance: part.distance, size })
         };
-        let known =
-            parts.chunk_by(|a, b| a.triangle == b.triangle).filter_map(|of_one| at(farthest_of(of_one)?)).collect();
-        let highest = farthest(known, &|t, w| judged(t as usize, w, 0.0).distance);
+        let of_triangles = parts.chunk_by(|a, b| a.triangle == b.triangle);
+        let known: Vec<At> = of_triangles.filter_map(|of_one| at(farthest_of(of_one)?)).collect();
+        let highest = farthest(&known, &|t| t, &|t, w| judged(t as usize, w, 0.0).distance);
         parts.extend(highest.map(|at| judged(at.triangle as usize, at.weights, 0.0)));
         // Vertices have no area, but may be the farthest places.
         let of_vertex = |&v: &u32| {
@@ -420,9 +420,10 @@ impl<'a> Measured<'a> {
         };
         let per_triangle: Vec<(Vec<T>, Option<At>)> =
             (0..self.tessellation.triangles.len()).into_par_iter().map(of_triangle).collect();
-        let known = per_triangle.iter().filter_map(|found| found.1).collect();
+        let known: Vec<At> = per_triangle.iter().filter_map(|found| found.1).collect();
         let at = |t: u32, weights: [f64; 3]| part(point_at(corners(t as usize), weights), t, weights, 0.0);
-        let highest = farthest(known, &|t, weights| distance(&at(t, weights)));
+        let cell = |t: u32| self.tessellation.cells[t as usize];
+        let highest = farthest(&known, &cell, &|t, weights| distance(&at(t, weights)));
         let parts = per_triangle.into_iter().flat_map(|found| found.0);
         parts.chain(highest.map(|h| at(h.triangle, h.weights))).collect()
     }

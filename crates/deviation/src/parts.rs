@@ -1,11 +1,14 @@
 //! Triangles cut into parts: where their parts are judged, and the farthest place of all.
 
+use std::array;
+use std::f64::consts::TAU;
+
 use point_cloud::vec3::{add, scale};
 use rayon::prelude::*;
 
 /// Triangles in which the farthest place is looked for.
 ///
-/// Limit: time; some 40 distances each.
+/// Limit: time; some 80 distances each.
 const SEARCHED: usize = 64;
 
 /// Halvings of the step with which it is looked for, from the size of a part.
@@ -13,10 +16,13 @@ const SEARCHED: usize = 64;
 /// Derived: the place is then known to 1/32 of a part, where a distance differs by less than that from the largest.
 const HALVINGS: usize = 5;
 
-/// Steps at most from one place.
+/// Steps at most from one place, and directions of each.
 ///
 /// Limit: a triangle has some 10⁴ parts at most, 100 a side.
 const MAX_STEPS: usize = 200;
+const DIRECTIONS: usize = 8;
+
+const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
 /// Fractional parts of the multiples of these two numbers fill the unit square evenly (Roberts 2018, the sequence R₂): the inverse
 /// of the root of x³ = x + 1, and its square.
@@ -75,28 +81,47 @@ pub(crate) struct At {
 }
 
 /// The farthest place that is found by going uphill, with ever shorter steps within their triangles, from the farthest of `known`, one in
-/// each triangle: the places at which parts are judged alone miss what is highest between them.
-pub(crate) fn farthest(mut known: Vec<At>, distance: &(dyn Fn(u32, [f64; 3]) -> f64 + Sync)) -> Option<At> {
-    known.sort_unstable_by(|a, b| b.distance.total_cmp(&a.distance).then(a.triangle.cmp(&b.triangle)));
-    known.truncate(SEARCHED);
-    let found: Vec<At> = known.into_par_iter().map(|start| uphill(start, &|w| distance(start.triangle, w))).collect();
+/// each triangle, and from the farthest of each of the farthest `groups` of triangles: the places at which parts are judged alone miss
+/// what is highest between them. Triangles of a group follow one another.
+pub(crate) fn farthest(
+    known: &[At],
+    group: &dyn Fn(u32) -> u32,
+    distance: &(dyn Fn(u32, [f64; 3]) -> f64 + Sync),
+) -> Option<At> {
+    let by_distance = |a: &At, b: &At| b.distance.total_cmp(&a.distance).then(a.triangle.cmp(&b.triangle));
+    let foremost = |mut known: Vec<At>| {
+        if known.len() > SEARCHED {
+            known.select_nth_unstable_by(SEARCHED, by_distance);
+            known.truncate(SEARCHED);
+        }
+        known
+    };
+    let of_groups = known.chunk_by(|a, b| group(a.triangle) == group(b.triangle));
+    let mut starts = foremost(of_groups.filter_map(|of_one| of_one.iter().copied().min_by(by_distance)).collect());
+    starts.extend(foremost(known.to_vec()));
+    starts.sort_unstable_by_key(|start| start.triangle);
+    starts.dedup_by_key(|start| start.triangle);
+    let found: Vec<At> = starts.into_par_iter().map(|start| uphill(start, &|w| distance(start.triangle, w))).collect();
     found.into_iter().max_by(|a, b| a.distance.total_cmp(&b.distance).then(b.triangle.cmp(&a.triangle)))
 }
 
 fn uphill(start: At, distance: &dyn Fn([f64; 3]) -> f64) -> At {
     let (mut best, mut step, mut steps) = (start, start.size, 0);
-    for _ in 0..HALVINGS {
+    for level in 0..HALVINGS {
         loop {
             let before = best.distance;
-            for (from, to) in [(0, 1), (1, 0), (1, 2), (2, 1), (2, 0), (0, 2)] {
+            for k in 0..DIRECTIONS {
+                // Other directions each time: distances have ridges, along which few lead upwards.
+                let turn = (k as f64 + EVENLY[0] * (level + steps) as f64) / DIRECTIONS as f64;
+                let (sin, cos) = (TAU * turn).sin_cos();
+                let along = [cos, -0.5 * cos + SQRT_3 / 2.0 * sin, -0.5 * cos - SQRT_3 / 2.0 * sin];
                 // As far as the side of the triangle at most.
-                let step = step.min(best.weights[from]);
-                if step <= 0.0 {
+                let room = |j: usize| if along[j] < 0.0 { best.weights[j] / -along[j] } else { f64::INFINITY };
+                let length = step.min(room(0)).min(room(1)).min(room(2));
+                if length <= 0.0 {
                     continue;
                 }
-                let mut weights = best.weights;
-                weights[from] -= step;
-                weights[to] += step;
+                let weights = array::from_fn(|j| (best.weights[j] + length * along[j]).max(0.0));
                 let found = distance(weights);
                 if found > best.distance {
                     best = At { weights, distance: found, ..best };
@@ -108,6 +133,13 @@ fn uphill(start: At, distance: &dyn Fn([f64; 3]) -> f64) -> At {
             }
         }
         step *= 0.5;
+    }
+    for corner in 0..3 {
+        let weights = array::from_fn(|j| if j == corner { 1.0 } else { 0.0 });
+        let found = distance(weights);
+        if found > best.distance {
+            best = At { weights, distance: found, ..best };
+        }
     }
     best
 }
@@ -164,14 +196,14 @@ mod tests {
             let [u, v] = peak(t);
             1.0 + 0.001 * f64::from(t) - ((w[1] - u).powi(2) + (w[2] - v).powi(2)).sqrt()
         };
-        let known = (0..100)
+        let known: Vec<At> = (0..100)
             .map(|triangle| {
                 let weights = [1.0 / 3.0; 3];
                 At { triangle, weights, distance: height(triangle, weights), size: 0.5 }
             })
             .collect();
-        let found = farthest(known, &height).unwrap();
+        let found = farthest(&known, &|t| t / 10, &height).unwrap();
         assert!(found.triangle >= 90 && found.distance > 1.099 - 0.03, "{found:?}");
-        assert!(farthest(Vec::new(), &height).is_none());
+        assert!(farthest(&[], &|t| t, &height).is_none());
     }
 }
