@@ -14,8 +14,11 @@ pub(crate) struct Opened {
     /// The inside.
     pub(crate) inner: Vec<u8>,
     /// Makes a file of a changed inside.
-    pub(crate) close: Box<dyn Fn(&[u8]) -> Option<Vec<u8>>>,
+    pub(crate) close: Close,
 }
+
+/// Makes a file of its inside, where that can be.
+pub(crate) type Close = Box<dyn Fn(&[u8]) -> Option<Vec<u8>>>;
 
 /// How files of a target are opened.
 pub(crate) type Open = fn(bytes: &[u8], seed: u32) -> Option<Opened>;
