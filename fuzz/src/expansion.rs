@@ -12,11 +12,15 @@ const DEPTH: usize = 4;
 /// Bytes that are counted at most of one container.
 const MOST: u64 = 1 << 30;
 
+/// Bytes that compressed points or pixels may always expand to.
+const LEAST: usize = 1 << 20;
+
 /// The number of bytes that an input is, or expands to.
 pub(crate) fn expanded(bytes: &[u8], format: Format) -> usize {
     let inner = within(bytes, DEPTH);
     match format {
         Format::Las => inner.max(points_of_las(bytes)),
+        Format::GeoTiff => inner.max(pixels_of_tiff(bytes)),
         _ => inner,
     }
 }
@@ -41,9 +45,15 @@ fn within(bytes: &[u8], depth: usize) -> usize {
     sum
 }
 
+/// What the pixels of a TIFF file expand to, as its header has it, but at most what a reader may take.
+fn pixels_of_tiff(bytes: &[u8]) -> usize {
+    let size = tiff::decoder::Decoder::new(Cursor::new(bytes)).and_then(|mut decoder| decoder.dimensions());
+    let pixels = size.map_or(0, |(width, height)| (width as usize).saturating_mul(height as usize));
+    pixels.saturating_mul(4).min(LEAST.max(200 * bytes.len()))
+}
+
 /// What the points of a LAZ file expand to, as its header has it, but at most what a reader may take.
 fn points_of_las(bytes: &[u8]) -> usize {
-    const LEAST: usize = 1 << 20;
     let word = |at: usize| bytes.get(at..at + 2).map_or(0, |b| usize::from(u16::from_le_bytes([b[0], b[1]])));
     let count = |at: usize| word(at) | word(at + 2) << 16;
     if bytes.get(104).is_none_or(|format| format & 0xc0 == 0) {

@@ -59,6 +59,7 @@ targets! {
     E57 = "e57", |bytes| readers::read(bytes, Format::E57), Some(open_e57);
     ESRI_GRID = "esri_grid", |bytes| readers::read(bytes, Format::EsriGrid), None;
     SURFER_GRID = "surfer_grid", |bytes| readers::read(bytes, Format::SurferGrid), None;
+    GEO_TIFF = "geo_tiff", |bytes| readers::read(bytes, Format::GeoTiff), None;
     PTX = "ptx", |bytes| readers::read(bytes, Format::Ptx), None;
     GLB = "glb", |bytes| readers::read(bytes, Format::Glb), Some(open_glb);
     THREE_MF = "three_mf", |bytes| readers::read(bytes, Format::ThreeMf), Some(open_archive);
