@@ -335,15 +335,15 @@ mod tests {
     }
 
     #[test]
-    fn much_may_not_expand_as_often_as_little() {
+    fn the_first_mib_may_not_expand_as_often_as_the_others() {
         const MIB: usize = 1 << 20;
         for (compressed, limit) in [
             (0, MIB),
             (1000, MIB),
             (10_000, 2_000_000),
-            (MUCH / 200, MUCH / 200 * 200),
+            (MAX_OF_FIRST_MIB / 100, MAX_OF_FIRST_MIB),
             (MIB, 12 * MIB),
-            (8 * MIB, 96 * MIB),
+            (8 * MIB, (12 + 7 * 200) * MIB),
             (usize::MAX, usize::MAX),
         ] {
             assert_eq!(Budget::new(compressed, None).limit, limit, "{compressed}");
