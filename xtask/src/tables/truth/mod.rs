@@ -328,7 +328,8 @@ with the surface of then.
 
 Exit code 0 promises: 94 % of the scan within (0.95 are asked for, 0.01 is the accuracy of the measure); of a mesh, 94 % of the
 surface inside the outline and not over holes; at most 1 % of the scan beyond the rim; a box of at most 1.05; no crossing; at
-most 0.1 % of the surface folded over.
+most 0.1 % of the surface folded over. What the scan does the surface may do: `thbs_face_*` are points of a surface that passes
+through itself.
 ";
 
 #[cfg(test)]
