@@ -11,7 +11,7 @@ use self::header::{Element, Header, Kind};
 use super::faces::{Faces, vertex_index};
 use super::text::{Lines, quote};
 use super::{Format, Scan, rows, with_room};
-use crate::error::ReadErrorKind;
+use crate::error::{ReadErrorKind, plain};
 
 pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     let mut lines = Lines::new(bytes);
@@ -36,7 +36,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
             },
             _ => {
                 body.for_each(element, &[], |_, _| Ok(()))?;
-                let name = quote(element.name.as_bytes());
+                let name = plain(&quote(element.name.as_bytes()));
                 notes.push(format!("{} records of element {name} were ignored", element.count));
             }
         }
