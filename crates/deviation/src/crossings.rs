@@ -4,6 +4,7 @@ use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
+use crate::parts::point_at;
 use crate::sets::Sets;
 use crate::{Error, Tessellation};
 
@@ -435,10 +436,7 @@ impl Judge<'_> {
         let mut members: Vec<(u32, usize)> =
             pairs.iter().enumerate().map(|(k, pair)| (sets.root(first_vertex(pair)), k)).collect();
         members.sort_unstable();
-        let point = |t: u32, barycentric: [f64; 3]| {
-            let corners = tessellation.corners(t as usize);
-            (0..3).fold([0.0; 3], |sum, k| add(sum, scale(barycentric[k], corners[k])))
-        };
+        let point = |t: u32, barycentric: [f64; 3]| point_at(tessellation.corners(t as usize), barycentric);
         let mut places = Vec::new();
         for group in members.chunk_by(|a, b| a.0 == b.0) {
             let of_group = || group.iter().map(|&(_, k)| &pairs[k]);

@@ -9,6 +9,7 @@ use std::collections::HashMap;
 
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 
+use crate::parts::point_at;
 use crate::sets::Sets;
 
 /// Angle between facets, in degrees, from which on their common edge is sharp and normals aren't averaged across it.
@@ -97,8 +98,7 @@ impl CurvedTriangles {
 
     /// The point of a facet with barycentric coordinates `w`.
     pub fn on_facet(&self, triangle: usize, w: [f64; 3]) -> [f64; 3] {
-        let [p, q, r] = self.corners(triangle);
-        add(add(scale(w[0], p), scale(w[1], q)), scale(w[2], r))
+        point_at(self.corners(triangle), w)
     }
 
     /// The point of the curved triangle with barycentric coordinates `w`.

@@ -157,6 +157,12 @@ impl<const D: usize> LeastSquares<D> {
         }
     }
 
+    /// The factor of the smoothing weight in a cell.
+    pub fn local_factor(&self, cell: &Cell<'_, D>) -> f64 {
+        let factors = self.local.iter().filter(|local| local.overlaps(cell)).map(|local| local.factor);
+        factors.reduce(f64::max).unwrap_or(1.0)
+    }
+
     /// The boxes of [`LeastSquares::smooth_locally`].
     pub fn local_smoothing(&self) -> &[LocalSmoothing<D>] {
         &self.local
@@ -257,11 +263,7 @@ impl<const D: usize> LeastSquares<D> {
         }
         let pattern = SymmetricPattern::new(space.as_ref());
         let energy = ThinPlate::scaled(space.degree(), self.options.quadrature, self.options.lengths);
-        let factor = |cell: &Cell<'_, D>| {
-            let factors = self.local.iter().filter(|local| local.overlaps(cell)).map(|local| local.factor);
-            factors.reduce(f64::max).unwrap_or(1.0)
-        };
-        let energy = energy.weighted_gram(space.as_ref(), &pattern, factor)?;
+        let energy = energy.weighted_gram(space.as_ref(), &pattern, |cell| self.local_factor(cell))?;
         self.energy = Some((space.clone(), energy.clone()));
         Ok(energy)
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use adaptive::{Estimate, Missed, Solution, Solve};
 use deviation::{Deviation, Measured, Reason, Scan, ScanSide, Thresholds, Verdict, tessellate, verdict};
-use fit_ls::{LocalSmoothing, Weighted};
+use fit_ls::{LeastSquares, LocalSmoothing, Weighted};
 use moving_param::{Boundary, Constraints, FootPointOptions, foot_points};
 use ndarray::{ArrayView2, Axis};
 use param_classic::triangulate_parameters;
@@ -280,7 +280,7 @@ where
         for trial in 1..=LOCAL_TRIALS {
             let fit = self.method.least_squares_mut();
             let mut more = fit.local_smoothing().to_vec();
-            more.extend(cells.iter().map(|&cell| stiffer_round(map.space(), cell, fit.local_smoothing())));
+            more.extend(cells.iter().map(|&cell| stiffer_round(fit, map.space(), cell)));
             fit.smooth_locally(more);
             match self.crossed_when_fitted(judge, map.space())? {
                 Some(crossed) if crossed.is_empty() => {
@@ -335,15 +335,13 @@ where
 
 /// A box of ten times the smoothing that a cell has: round the cell and one of its size on either side, for the functions of a cell reach
 /// into its neighbours.
-fn stiffer_round(space: &HierarchicalSpace<2>, cell: usize, boxes: &[LocalSmoothing<2>]) -> LocalSmoothing<2> {
+fn stiffer_round(fit: &LeastSquares<2>, space: &HierarchicalSpace<2>, cell: usize) -> LocalSmoothing<2> {
     let cell = space.cell(cell);
     let size = cell.size();
-    let (lower, upper) = (cell.lower, cell.upper);
-    let now = boxes.iter().filter(|b| (0..2).all(|d| b.lower[d] < upper[d] && lower[d] < b.upper[d])).map(|b| b.factor);
     LocalSmoothing {
-        lower: std::array::from_fn(|d| lower[d] - size[d]),
-        upper: std::array::from_fn(|d| upper[d] + size[d]),
-        factor: now.fold(1.0, f64::max) / SOFTER,
+        lower: std::array::from_fn(|d| cell.lower[d] - size[d]),
+        upper: std::array::from_fn(|d| cell.upper[d] + size[d]),
+        factor: fit.local_factor(&cell) / SOFTER,
     }
 }
 
