@@ -1,8 +1,10 @@
 //! Chores of this repository: synthetic data, tables and checks. A user who only fits needs none of it.
 
 pub mod chart;
+pub mod corpus;
 pub mod fuzz;
 pub mod generate;
+mod process;
 pub mod tables;
 pub mod tidy;
 pub mod train;

@@ -1,6 +1,6 @@
 //! `cargo xtask`: see `cargo xtask --help`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
@@ -8,6 +8,7 @@ use param_nn::{
     Architecture, Form, GridTrainOptions, GridTrainer, GriddedSpec, Neighbours, PargcnForm, PargcnTrainOptions,
     PargcnTrainer, Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions, Trainer, Variant,
 };
+use xtask::corpus::{self, Corpus, Vary};
 use xtask::fuzz::Fuzz;
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
@@ -40,6 +41,15 @@ enum Arguments {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Fit the scans of xtask/corpus.txt and write docs/results/corpus.md and corpus.jsonl, or compare with them.
+    Corpus(CorpusArguments),
+    /// One fit of the corpus, in a process of its own.
+    #[command(hide = true)]
+    CorpusRow {
+        /// What to fit, as JSON.
+        #[arg(long)]
+        job: String,
+    },
     /// Train a network.
     #[command(subcommand)]
     Train(Train),
@@ -61,6 +71,68 @@ enum Arguments {
         #[arg(long)]
         replay: bool,
     },
+}
+
+/// What of the corpus is fitted, and how.
+#[derive(clap::Args)]
+struct CorpusArguments {
+    /// A folder with the scans that this repository does not hold; without it fixtures and generated scans are fitted.
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Fit only scans whose names contain this.
+    #[arg(long, value_name = "NAME")]
+    only: Option<String>,
+    /// Methods, as `thb fit --method` names them.
+    #[arg(long, value_delimiter = ',', default_value = "auto")]
+    methods: Vec<String>,
+    /// Compare values of a threshold of the default.
+    #[arg(long, value_name = "NAME=VALUE,...")]
+    vary: Option<Vary>,
+    /// Run every candidate of the default to its end.
+    #[arg(long)]
+    all_candidates: bool,
+    /// Fit on two threads, too, and tell the time.
+    #[arg(long)]
+    two_threads: bool,
+    /// Write nothing; fail if control points, verdicts, shares or errors differ from docs/results/corpus.jsonl.
+    #[arg(long)]
+    check: bool,
+    /// The page to write, docs/results/corpus.md by default; rows go to a file of the same name with the extension jsonl.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+impl CorpusArguments {
+    #[expect(clippy::print_stdout, reason = "a command-line program reports to its user")]
+    fn run(self, root: &Path) -> Result<()> {
+        let corpus = Corpus {
+            root,
+            data: self.data.as_deref(),
+            only: self.only.as_deref(),
+            methods: &self.methods,
+            vary: self.vary.as_ref(),
+            all_candidates: self.all_candidates,
+            two_threads: self.two_threads,
+        };
+        let rows = corpus.rows(&mut |line| println!("{line}"))?;
+        if self.check {
+            let findings = corpus::differing(&corpus::from_file(&corpus::file(root))?, &rows);
+            findings.iter().for_each(|finding| println!("{finding}"));
+            if !findings.is_empty() {
+                bail!("{} of {} rows differ", findings.len(), rows.len());
+            }
+            println!("{} rows are as before", rows.len());
+            return Ok(());
+        }
+        let page = self.out.unwrap_or_else(|| root.join("docs/results/corpus.md"));
+        for (path, text) in
+            [(page.clone(), corpus::page(&rows)), (page.with_extension("jsonl"), corpus::to_lines(&rows)?)]
+        {
+            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+            println!("{}", path.display());
+        }
+        Ok(())
+    }
 }
 
 #[derive(Subcommand)]
@@ -423,6 +495,8 @@ enum Tables {
 fn main() -> Result<()> {
     let root = workspace_root();
     match Arguments::parse() {
+        Arguments::Corpus(arguments) => arguments.run(&root)?,
+        Arguments::CorpusRow { job } => println!("{}", corpus::run(&job)?),
         Arguments::Train(Train::Parcnn(arguments)) => arguments.run().train(|line| println!("{line}"))?,
         Arguments::Train(Train::Bidgcn(arguments)) => {
             arguments.message_passing(Variant::Bidgcn).train(|line| println!("{line}"))?;

@@ -297,6 +297,7 @@ impl FitArgs {
             flip: self.flip,
             seed: self.seed,
             threads: self.threads,
+            ..FitOptions::default()
         }
     }
 }

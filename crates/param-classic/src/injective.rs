@@ -4,7 +4,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
-use faer::sparse::{SparseColMat, Triplet};
+use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side};
 use ndarray::{Array2, ArrayView2};
 use point_cloud::CloudError;
@@ -172,6 +172,8 @@ struct Problem {
     column: Vec<[Option<usize>; 2]>,
     columns: usize,
     held: usize,
+    /// Where the matrix has entries, the same in all iterations, and the order in which they are summed up.
+    pattern: (SymbolicSparseColMat<usize>, Argsort<usize>),
     symbolic: SymbolicCholesky<usize>,
 }
 
@@ -224,28 +226,28 @@ impl Problem {
             return Ok(None);
         }
         let failed = |reason: String| ParamError::Solve { unknowns: columns, reason };
-        let mut entries: Vec<Triplet<usize, usize, f64>> = Vec::new();
+        let mut places: Vec<Pair<usize, usize>> = Vec::new();
         for triangle in &flat {
-            push_lower(&mut entries, triangle, &column, [[1.0; 2]; 2]);
+            for_lower(triangle, &column, |row, col, _, _, _| places.push(Pair { row, col }));
         }
-        entries.extend((0..columns).map(|i| Triplet::new(i, i, 1.0)));
-        let pattern = SparseColMat::<usize, f64>::try_new_from_triplets(columns, columns, &entries)
+        places.extend((0..columns).map(|i| Pair { row: i, col: i }));
+        let pattern = SymbolicSparseColMat::try_new_from_indices(columns, columns, &places)
             .map_err(|e| failed(format!("{e:?}")))?;
         let symbolic = factorize_symbolic_cholesky(
-            pattern.symbolic(),
+            pattern.0.as_ref(),
             Side::Lower,
             SymmetricOrdering::Amd,
             CholeskySymbolicParams::default(),
         )
         .map_err(|e| failed(format!("{e:?}")))?;
-        Ok(Some(Self { triangles: flat, column, columns, held, symbolic }))
+        Ok(Some(Self { triangles: flat, column, columns, held, pattern, symbolic }))
     }
 
     /// The step to the minimum of the quadratic model, and the derivative of the energy along it.
     fn direction(&self, uv: &[[f64; 2]], stretch: f64) -> Result<(Vec<[f64; 2]>, f64), ParamError> {
         let failed = |reason: String| ParamError::Solve { unknowns: self.columns, reason };
         let scales = [stretch, stretch.recip()];
-        let mut entries = Vec::with_capacity(21 * self.triangles.len() + self.columns);
+        let mut values = Vec::with_capacity(21 * self.triangles.len() + self.columns);
         let mut right = vec![0.0; self.columns];
         let mut diagonal = vec![0.0; self.columns];
         for triangle in &self.triangles {
@@ -254,9 +256,9 @@ impl Problem {
                 row.iter_mut().for_each(|x| *x *= scale);
             }
             let (m, product) = quadratic_model(jacobian);
-            let model =
+            let model: [[f64; 2]; 2] =
                 std::array::from_fn(|k| std::array::from_fn(|l| triangle.area * m[k][l] * scales[k] * scales[l]));
-            push_lower(&mut entries, triangle, &self.column, model);
+            for_lower(triangle, &self.column, |_, _, k, l, product| values.push(model[k][l] * product));
             for (gradient, &vertex) in triangle.gradients.iter().zip(&triangle.vertices) {
                 for k in 0..2 {
                     if let Some(column) = self.column[vertex as usize][k] {
@@ -268,10 +270,11 @@ impl Problem {
                 }
             }
         }
-        entries.extend(diagonal.iter().enumerate().map(|(i, d)| Triplet::new(i, i, DAMPING * d)));
+        values.extend(diagonal.iter().map(|d| DAMPING * d));
         let gradient = right.clone();
-        let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(self.columns, self.columns, &entries)
-            .map_err(|e| failed(format!("{e:?}")))?;
+        let (pattern, order) = &self.pattern;
+        let matrix =
+            SparseColMat::new_from_argsort(pattern.clone(), order, &values).map_err(|e| failed(format!("{e:?}")))?;
         let scratch = self
             .symbolic
             .factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default())
@@ -353,12 +356,12 @@ fn collapse(triangle: &FlatTriangle, uv: &[[f64; 2]], step: &[[f64; 2]]) -> f64 
     [sum / a, c / sum].into_iter().filter(|t| *t > 0.0).fold(f64::INFINITY, f64::min)
 }
 
-/// Adds the lower triangle of the block matrix of one triangle.
-fn push_lower(
-    entries: &mut Vec<Triplet<usize, usize, f64>>,
+/// Visits the lower triangle of the block matrix of one triangle: row and column, the coordinates that they stand for, and the product of
+/// the gradients of their vertices' hat functions.
+fn for_lower(
     triangle: &FlatTriangle,
     column: &[[Option<usize>; 2]],
-    model: [[f64; 2]; 2],
+    mut visit: impl FnMut(usize, usize, usize, usize, f64),
 ) {
     for (g, &v) in triangle.gradients.iter().zip(&triangle.vertices) {
         for (h, &w) in triangle.gradients.iter().zip(&triangle.vertices) {
@@ -368,7 +371,7 @@ fn push_lower(
                     if let (Some(i), Some(j)) = (column[v as usize][k], column[w as usize][l])
                         && i >= j
                     {
-                        entries.push(Triplet::new(i, j, model[k][l] * product));
+                        visit(i, j, k, l, product);
                     }
                 }
             }

@@ -14,16 +14,24 @@ use point_cloud::loop_length;
 use point_cloud::vec3::norm;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
-use crate::fitting::{self, Attempt, FAR, Fitted, Problem};
+use crate::attempt::Attempt;
+use crate::auto::Chosen;
+use crate::methods::Fitted;
+use crate::methods::reweighting::robust_diagonal;
 use crate::options::{BoundaryChoice, Pair};
 use crate::orientation::vote;
 use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent, parameterize};
+use crate::prepare;
+use crate::problem::Problem;
 use crate::report::{InputReport, Report, ResultReport, SmoothedMore, history, sides};
-use crate::reweighting::robust_diagonal;
 use crate::tolerance::hint;
 use crate::trim::trims;
 use crate::{Error, Event, FitOptions, ScanMeasures, Tolerance, Watch, units};
+
+/// Distance between surface and points, as a share of the diagonal, from which on the user is warned. Gaps between
+/// the points of a scan are smaller.
+const FAR: f64 = 0.07;
 
 /// Control points as a share of the points from which on the user is warned: then there are hardly more equations than
 /// unknowns, in a fit with moving parameters fewer.
@@ -166,22 +174,22 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         tolerance,
         diagonal,
     };
-    let mut found = fitting::fit(&problem, &space, options, watch)?;
-    if found.judgement.verdict() == Verdict::Failed
-        && found.fitted.stop != Stop::Interrupted
+    let mut found = prepare::fit(&problem, &space, options, watch)?;
+    if found.attempt.judgement.verdict() == Verdict::Failed
+        && found.attempt.fitted.stop != Stop::Interrupted
         && let Some(elements) = elements_by_shape(points, &laid_out.parameters, &triangles(&laid_out), options)
     {
         let _ = watch(Event::Step("fitting from cells of the shape of the part"));
         let shaped = FitOptions { mesh: Some(Pair(elements)), ..options.clone() };
         let space = Arc::new(HierarchicalSpace::new(Kind::Thb, level_zero_knots(&laid_out.parameters, &shaped)?)?);
         if space.n_functions() <= shaped.max_dofs.unwrap_or(points.nrows()) {
-            let other = fitting::fit(&problem, &space, &shaped, watch)?;
-            if other.judgement.verdict() < Verdict::Failed {
+            let other = prepare::fit(&problem, &space, &shaped, watch)?;
+            if other.attempt.judgement.verdict() < Verdict::Failed {
                 found = other;
             }
         }
     }
-    let Attempt { method, fitted, creases, mut judgement } = found;
+    let Chosen { attempt: Attempt { method, fitted, creases, mut judgement }, tried } = found;
     let dhd = farthest_point(&fitted, points)?;
     let Fitted {
         map,
@@ -296,6 +304,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         options: FitOptions { units: Some(unit), ..asked.clone() },
         result: ResultReport {
             method,
+            tried,
             dofs: last.dofs,
             levels: last.levels,
             cells: last.cells,

@@ -64,13 +64,12 @@ impl Judgement {
         verdict(&self.reasons)
     }
 
-    /// The same with `by` added to all places.
-    pub(crate) fn moved(self, by: [f64; 3]) -> Self {
-        let move_place = |reason: Reason| {
-            let place = reason.place.map(|place| std::array::from_fn(|k| place[k] + by[k]));
-            Reason { place, ..reason }
-        };
-        Self { deviation: self.deviation.moved(by), reasons: self.reasons.into_iter().map(move_place).collect() }
+    /// Adds `by` to all places.
+    pub(crate) fn move_by(&mut self, by: [f64; 3]) {
+        self.deviation = self.deviation.clone().moved(by);
+        for place in self.reasons.iter_mut().filter_map(|reason| reason.place.as_mut()) {
+            *place = std::array::from_fn(|k| place[k] + by[k]);
+        }
     }
 
     /// Whether nothing is wrong with the surface but that it may not be near enough to the scan.

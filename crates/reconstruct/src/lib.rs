@@ -22,17 +22,19 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod attempt;
+mod auto;
 mod batch;
 mod clean;
 mod curve;
 mod densify;
 mod error;
 mod fit;
-mod fitting;
 mod hints;
 mod inspect;
 mod judge;
 mod mesh;
+mod methods;
 mod options;
 mod orientation;
 mod output;
@@ -40,14 +42,15 @@ mod parameter_options;
 mod parameters;
 mod picture;
 mod pieces;
-mod quasi;
+mod prepare;
+mod problem;
 mod report;
-mod reweighting;
 mod tolerance;
 mod trim;
 mod units;
 mod watch;
 
+pub use auto::{Candidate, Defect, GaveUp, Policy, Reason as ChoiceReason, Tried};
 pub use batch::{BatchEvent, BatchOptions, BatchResult, PartOutcome, PartResult, check_parameter_outputs, run_batch};
 pub use clean::CleaningReport;
 pub use curve::{
@@ -57,8 +60,10 @@ pub use curve::{
 pub use deviation::{Deviation, Reason, Thresholds, Verdict};
 pub use error::Error;
 pub use fit::{Fit, fit_file, fit_scan};
-pub use fitting::JOINT;
 pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
+pub use methods::JOINT;
+pub use methods::quasi::{LocalRule, QuasiOptions, QuasiReport};
+pub use methods::reweighting::{LossChoice, MarkerChoice, ReweightingOptions, ReweightingReport, UpdateChoice};
 pub use options::{
     BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Samples,
     Tolerance,
@@ -75,12 +80,10 @@ pub use parameters::{
 };
 pub use picture::draw_parameters;
 pub use pieces::{PieceFit, PieceFits, PieceReport, PiecesReport, fit_pieces, fit_pieces_file};
-pub use quasi::{LocalRule, QuasiOptions, QuasiReport};
 pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, SmoothedMore,
     layout_report,
 };
-pub use reweighting::{LossChoice, MarkerChoice, ReweightingOptions, ReweightingReport, UpdateChoice};
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 

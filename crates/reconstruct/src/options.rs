@@ -11,7 +11,7 @@ use serde::Serialize;
 use thb_core::{MAX_DEGREE, MAX_LEVELS, Quadrature};
 
 use crate::parameter_options::Closed;
-use crate::{Error, MarkerChoice, ParameterOptions, QuasiOptions, ReweightingOptions};
+use crate::{Error, MarkerChoice, ParameterOptions, Policy, QuasiOptions, ReweightingOptions};
 
 /// Options of [`crate::fit_scan`]. The defaults need no user.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -71,6 +71,11 @@ pub struct FitOptions {
     pub units: Option<LengthUnit>,
     /// Turn the face normal.
     pub flip: bool,
+    /// What decides where the method is left open.
+    pub policy: Policy,
+    /// Whether every method is tried to its end where the choice is left open, to see what the budgets cost.
+    #[serde(skip)]
+    pub exhaustive: bool,
     /// Seed of random choices, for the report: no method draws random numbers yet.
     pub seed: u64,
     /// Number of threads of the program, 0 for one per core, for the report: the library works in the thread pool of its caller.
@@ -105,6 +110,8 @@ impl Default for FitOptions {
             energy: Energy::Exact,
             units: None,
             flip: false,
+            policy: Policy::default(),
+            exhaustive: false,
             seed: 0,
             threads: 0,
         }

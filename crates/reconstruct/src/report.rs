@@ -11,9 +11,10 @@ use moving_param::Moves;
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
+use crate::auto::Tried;
+use crate::methods::quasi::QuasiReport;
 use crate::options::Method;
 use crate::orientation::NormalsReport;
-use crate::quasi::QuasiReport;
 use crate::{DefaultTolerance, Error, FitOptions, ParameterOptions, ParameterReport, Parameterized, ReweightingReport};
 
 /// Report of one fit. Keys are added by later versions, never renamed within a schema.
@@ -109,6 +110,9 @@ pub struct InputReport {
 pub struct ResultReport {
     /// The fitting method; the one that was chosen where that was left open.
     pub method: Method,
+    /// What was tried where the method was left open, in this order; empty otherwise.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tried: Vec<Tried>,
     /// Control points of the hierarchical surface.
     pub dofs: usize,
     /// Levels, level 0 included.

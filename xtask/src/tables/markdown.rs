@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 /// A table with a header; the first column is text, the others are numbers.
-pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let mut text = format!("| {} |\n|---|{}\n", header.join(" | "), "---:|".repeat(header.len().saturating_sub(1)));
     for row in rows {
         // Writing to a string cannot fail.

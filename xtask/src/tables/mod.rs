@@ -6,7 +6,7 @@ pub mod classical;
 mod crossings;
 pub mod curves;
 mod mapped;
-mod markdown;
+pub(crate) mod markdown;
 pub mod moving;
 pub mod parcnn;
 pub mod pargcn;

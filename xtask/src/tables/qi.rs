@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
+use crate::process::Clock;
 use adaptive::{Deviation, Iteration, Outcome, Solve, run};
 use anyhow::{Context, Result};
 use fit_ls::{Lambda, LeastSquares};
@@ -264,32 +264,6 @@ where
     let seconds = clock.seconds();
     let last = history.last().context("a loop without iterations")?;
     Ok(Figures { deviation: last.deviation, dofs: last.dofs, seconds, map, stop: stop.name() })
-}
-
-/// Time that the process spent computing, over all threads, where the system tells it; else time that passed.
-pub(super) struct Clock {
-    start: Instant,
-    computed: Option<f64>,
-}
-
-impl Clock {
-    pub(super) fn start() -> Self {
-        Self { start: Instant::now(), computed: computed_seconds() }
-    }
-
-    pub(super) fn seconds(&self) -> f64 {
-        match (self.computed, computed_seconds()) {
-            (Some(before), Some(now)) => now - before,
-            _ => self.start.elapsed().as_secs_f64(),
-        }
-    }
-}
-
-/// User time of the process on Linux: the fourteenth field of its status line, in hundredths of a second.
-fn computed_seconds() -> Option<f64> {
-    let line = std::fs::read_to_string("/proc/self/stat").ok()?;
-    let ticks: f64 = line.rsplit(')').next()?.split_whitespace().nth(11)?.parse().ok()?;
-    Some(ticks / 100.0)
 }
 
 fn tables_of(case: &Case, cloud: &Cloud) -> Result<String> {

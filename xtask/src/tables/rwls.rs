@@ -20,9 +20,9 @@ use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 use super::crossings;
 use super::markdown::{figure, table};
-use super::qi::Clock;
 use crate::generate::surface::{self, Layout};
 use crate::generate::{Noise, Sample};
+use crate::process::Clock;
 
 /// Seed of the outliers; its number means nothing.
 const SEED: u64 = 39;

@@ -20,9 +20,9 @@ use rand::RngExt;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 use super::super::markdown::{figure, table};
-use super::super::qi::Clock;
 use super::asked::Asked;
 use super::run::{Cloud, Run, Settings};
+use crate::process::Clock;
 
 /// Seed of surfaces and queries; its number means nothing.
 const SEED: u64 = 51;

@@ -8,11 +8,11 @@ use moving_param::{Boundary, Distance, JointOptions, Method, Schedule};
 use reconstruct::{FitOptions, JOINT, Tolerance, fit_file};
 
 use super::super::markdown::{figure, table};
-use super::super::qi::Clock;
 use super::asked::Asked;
 use super::gismo::{EXTENSION, Gismo, Peer};
 use super::noise::by_map;
 use super::run::{Cloud, Run, Settings};
+use crate::process::Clock;
 
 /// A fit that ours is compared with G+Smo on.
 struct Case {

@@ -15,7 +15,7 @@ use point_cloud::LocalFrames;
 use reconstruct::{Domain, ParameterOptions, parameterize_file};
 use thb_core::{HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement, SplineMap};
 
-use super::super::qi::Clock;
+use crate::process::Clock;
 
 /// Samples per direction and cell among which creases are sought.
 const CREASE_SAMPLES: usize = 8;

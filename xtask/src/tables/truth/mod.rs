@@ -14,7 +14,7 @@ use reconstruct::{Event, FitOptions, OutputPaths, Tolerance, fit_file, write_out
 use serde_json::Value;
 
 use super::markdown::table;
-use super::qi::Clock;
+use crate::process::Clock;
 use files::{KINDS, Kind};
 use row::{Direction, Row};
 

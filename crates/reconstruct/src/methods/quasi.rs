@@ -8,8 +8,9 @@ use moving_param::MovingQuasi;
 use serde::Serialize;
 use thb_core::HierarchicalSpace;
 
-use crate::fitting::{Fitted, Problem, errors_at};
+use super::Fitted;
 use crate::options::{LambdaChoice, Method, named, range, serialize_as_typed};
+use crate::problem::{Problem, errors_at};
 use crate::{Error, FitOptions, Pair};
 
 named!(

@@ -16,10 +16,11 @@ use point_cloud::{BoundingBox, LocalFrames};
 use serde::Serialize;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 
+use super::{Fitted, least_squares_options};
 use crate::fit::uniform_knots;
-use crate::fitting::{Fitted, Problem, least_squares_options};
 use crate::options::{Method, ParseOptionError, parse_error, range, serialize_as_typed};
 use crate::parameters::places_of;
+use crate::problem::Problem;
 use crate::{Error, FitOptions, Tolerance};
 
 /// Elements per direction of the first fit that finds markers, as in example 3.1.9 (c) of Imperatore 2024.
