@@ -337,6 +337,24 @@ pub enum Error {
         /// The name.
         name: String,
     },
+    /// Arrays in memory have different numbers of rows.
+    #[error("there are {given} {what} for {points} points; give one row for each point")]
+    RowsDiffer {
+        /// What was given.
+        what: &'static str,
+        /// Its number of rows.
+        given: usize,
+        /// The number of points.
+        points: usize,
+    },
+    /// A confidence is negative or not finite.
+    #[error("point {point} has the weight {value}; weights are 0 or more")]
+    Weight {
+        /// Row of the point.
+        point: usize,
+        /// Its weight.
+        value: f64,
+    },
     /// Two outputs would be written to the same file.
     #[error("two outputs go to {}, and one would replace the other; name different files", path.display())]
     OutputTwice {

@@ -213,6 +213,8 @@ pub(crate) struct Judged<'a, S> {
     pub(crate) method: S,
     judge: Option<&'a Judge<'a>>,
     within: f64,
+    /// Points from this one on guide the surface where the scan has none; their errors do not count.
+    counted: usize,
     errors: Vec<f64>,
     softening: Softening,
     /// How often more smoothing may be tried where the surface passes through itself.
@@ -224,11 +226,22 @@ pub(crate) struct Judged<'a, S> {
 }
 
 impl<'a, S> Judged<'a, S> {
-    /// `softens`: whether the smoothing weight is ours to change.
-    pub(crate) fn new(method: S, judge: Option<&'a Judge<'a>>, within: f64, softens: bool) -> Self {
+    /// `counted`: number of points, in the order that they were given in, whose errors count; `softens`: whether the smoothing weight is
+    /// ours to change.
+    pub(crate) fn new(method: S, judge: Option<&'a Judge<'a>>, within: f64, counted: usize, softens: bool) -> Self {
         let softening = Softening { trials: if softens { TRIALS } else { 0 }, before: None };
         let stiffenings = if softens { STIFFENINGS } else { 0 };
-        Self { method, judge, within, errors: Vec::new(), softening, stiffenings, openings: OPENINGS, cured: None }
+        Self {
+            method,
+            judge,
+            within,
+            counted,
+            errors: Vec::new(),
+            softening,
+            stiffenings,
+            openings: OPENINGS,
+            cured: None,
+        }
     }
 }
 
@@ -244,13 +257,18 @@ where
         let free = Constraints::in_space(points.parameters_as_given().view(), space.as_ref(), Boundary::Free);
         let feet = foot_points(map, points, &free, &FootPointOptions::default())?;
         let mut distances = feet.distances;
+        for (distance, &i) in distances.iter_mut().zip(points.order()) {
+            if i as usize >= self.counted {
+                *distance = 0.0;
+            }
+        }
         if judge.scan.is_mesh() {
             return Ok(distances);
         }
         let ((lower, upper), periodic) = (space.domain(), space.periodic());
         for (at, u) in feet.parameters.iter().enumerate() {
             let on_rim = (0..2).any(|d| !periodic[d] && (u[d] <= lower[d] || u[d] >= upper[d]));
-            if on_rim {
+            if on_rim && (points.order()[at] as usize) < self.counted {
                 let offset: [f64; 3] = std::array::from_fn(|k| points.coordinates(k)[at]);
                 distances[at] = deviation::distance_across(map, feet.cells[at] as usize, *u, offset);
             }

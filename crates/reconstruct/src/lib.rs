@@ -1,24 +1,23 @@
 //! From a scan to a THB-spline surface in one library call.
 //!
-//! [`fit_scan`] takes what a file held, finds parameters ([`parameterize`]), fits adaptively and reports how good the
-//! result is;
-//! [`write_outputs`] writes it in the formats of the given file names; [`run_batch`] does both for many files.
-//! [`compare`], [`eval_model`], [`convert`] and [`info`] answer questions about models and files. This crate parses no
+//! [`fit`] takes arrays in memory ([`Points`], [`Mesh`]), [`fit_file`] a file: both find parameters ([`parameterize`]), fit adaptively and
+//! report how good the result is ([`Fit`]). [`write_outputs`] writes it in the formats of the given file names; [`run_batch`] does all of
+//! it for many files. [`compare`], [`eval_model`], [`convert`] and [`info`] answer questions about models and files. This crate parses no
 //! arguments and prints nothing.
 //!
 //! ```
-//! use reconstruct::{FitOptions, fit_scan};
-//! use geom_io::{Format, ReadOptions, parse_scan};
+//! use ndarray::Array2;
+//! use reconstruct::{FitOptions, Points, Tolerance, Verdict, fit};
 //!
-//! // A gridded cloud: a parabolic cylinder.
-//! let mut csv = String::from("i,j,x,y,z\n");
-//! for (i, j) in (0..12).flat_map(|i| (0..10).map(move |j| (i, j))) {
-//!     let (x, y) = (f64::from(i) / 11.0, f64::from(j) / 9.0);
-//!     csv += &format!("{i},{j},{x},{y},{}\n", x * x);
-//! }
-//! let scan = parse_scan(csv.as_bytes(), Format::Csv, &ReadOptions::default())?;
-//! let fit = fit_scan(scan, "parabola", &FitOptions::default(), &mut |_| std::ops::ControlFlow::Continue(()))?;
-//! assert!(fit.reached() && fit.report.result.max < 1e-3);
+//! // A parabolic cylinder by 12 × 10 points, in any order.
+//! let points = Array2::from_shape_fn((120, 3), |(i, k)| {
+//!     let (x, y) = ((i % 12) as f64 / 11.0, (i / 12) as f64 / 9.0);
+//!     [x, y, x * x][k]
+//! });
+//! let options = FitOptions { tol: Tolerance::Absolute(1e-3), ..FitOptions::default() };
+//! let fitted = fit(Points::new(points)?, &options)?;
+//! assert_eq!(fitted.report.result.verdict, Verdict::Good);
+//! assert_eq!(fitted.surface().eval([0.5, 0.5])?.len(), 3);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -33,6 +32,7 @@ mod fit;
 mod hints;
 mod inspect;
 mod judge;
+mod memory;
 mod mesh;
 mod methods;
 mod options;
@@ -61,6 +61,7 @@ pub use deviation::{Deviation, Reason, Thresholds, Verdict};
 pub use error::Error;
 pub use fit::{Fit, fit_file, fit_scan};
 pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
+pub use memory::{Mesh, Points, fit};
 pub use methods::JOINT;
 pub use methods::quasi::{LocalRule, QuasiOptions, QuasiReport};
 pub use methods::reweighting::{LossChoice, MarkerChoice, ReweightingOptions, ReweightingReport, UpdateChoice};
@@ -88,7 +89,9 @@ pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};
-pub use geom_io::{Decimal, Format, LengthUnit, ReadOptions, TakenColumn, remove_unfinished};
+pub use geom_io::{Decimal, Format, LengthUnit, Model, ReadOptions, Scan, TakenColumn, remove_unfinished};
+pub use ndarray;
+pub use thb_core::{self, SplineMap};
 
 /// The code of the book's library page, as a test.
 #[cfg(doctest)]

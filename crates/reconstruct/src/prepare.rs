@@ -2,14 +2,16 @@
 
 use std::sync::Arc;
 
+use deviation::Scan;
 use ndarray::{Array1, Array2, ArrayView1, Axis};
+use param_classic::triangulate_parameters;
 use point_cloud::BoundingBox;
 use thb_core::{CellSpace as _, HierarchicalSpace, SplineMap};
 
 use crate::attempt::Attempt;
 use crate::auto::{self, Chosen};
-use crate::densify::{area_weights, area_weights_of_cloud, densify, spacing_weights};
-use crate::judge::Judge;
+use crate::densify::{Denser, area_weights, area_weights_of_cloud, bridge, densify, spacing_weights};
+use crate::judge::{Judge, MOST_IN_ORDER};
 use crate::methods::{Fitted, Task};
 use crate::options::{LambdaChoice, Samples};
 use crate::problem::{Problem, errors_at, rows_of, triangles_among};
@@ -72,12 +74,16 @@ fn fit_scan(
     let judge =
         Judge::new(&places, problem.triangles, problem.is_mesh, problem.parameters, problem.tolerance, options.within)?;
     let by_points = problem.is_given || options.samples == Samples::Vertices || options.reweighting.is_asked_for();
-    let dense = judge
-        .scan()
-        .curved()
-        .filter(|_| !by_points)
-        .and_then(|curved| densify(curved, problem.parameters, space.periodic()));
     let m = problem.points.nrows();
+    let dense = if by_points {
+        None
+    } else if let Some(curved) = judge.scan().curved() {
+        densify(curved, problem.parameters, space.periodic())
+    } else {
+        bridged(problem, &judge, &places, space.periodic())?
+    };
+    // Points on the triangles of a mesh are the scan; those that bridge a stretch without points are guesses.
+    let counted = if problem.is_mesh { usize::MAX } else { m };
     let judges_loop = !by_points;
     let softens = options.lambda == LambdaChoice::Auto;
     let Some(dense) = dense else {
@@ -90,7 +96,7 @@ fn fit_scan(
         };
         let weights = by_area.map(|by_area| weighted(Array1::from(by_area), problem.weights));
         let weighted = Problem { weights: weights.as_ref().map_or(problem.weights, |w| Some(w.view())), ..*problem };
-        let task = Task { problem: &weighted, judge: &judge, judges_loop, softens, space };
+        let task = Task { problem: &weighted, judge: &judge, judges_loop, softens, counted, space: space.clone() };
         return auto::fit(&task, options, watch);
     };
     // An added point is as sure as the mean one.
@@ -105,17 +111,39 @@ fn fit_scan(
         parameters: dense.parameters.view(),
         weights: Some(weights.view()),
         rows: &rows,
-        triangles: &dense.triangles,
+        triangles: if problem.is_mesh { &dense.triangles } else { problem.triangles },
         ..*problem
     };
     // No more control points than points of the scan.
     let most = Some(options.max_dofs.unwrap_or(m));
-    let task = Task { problem: &denser, judge: &judge, judges_loop, softens, space };
+    let task = Task { problem: &denser, judge: &judge, judges_loop, softens, counted, space: space.clone() };
     let mut found = auto::fit(&task, &FitOptions { max_dofs: most, ..options.clone() }, watch)?;
     let Fitted { parameters, errors, .. } = &mut found.attempt.fitted;
     *parameters = parameters.slice_axis(Axis(0), (..m).into()).to_owned();
     *errors = errors.slice_axis(Axis(0), (..m).into()).to_owned();
     Ok(found)
+}
+
+/// A cloud in order with points in the stretches that it leaves out; nothing if there are none, or its neighbours are not known.
+fn bridged(
+    problem: &Problem<'_>,
+    judge: &Judge<'_>,
+    places: &[[f64; 3]],
+    periodic: [bool; 2],
+) -> Result<Option<Denser>, Error> {
+    if !problem.triangles.is_empty() || places.len() > MOST_IN_ORDER {
+        return Ok(None);
+    }
+    let Ok(triangles) = triangulate_parameters(problem.parameters) else { return Ok(None) };
+    let mesh = Scan::mesh(places, &triangles)?;
+    let Some(mut denser) = mesh.curved().and_then(|curved| bridge(curved, problem.parameters, periodic)) else {
+        return Ok(None);
+    };
+    // The others weigh what they did.
+    if let Some(weights) = judge.scan().weights() {
+        denser.weights.iter_mut().zip(spacing_weights(weights)).for_each(|(weight, spacing)| *weight = spacing);
+    }
+    Ok(Some(denser))
 }
 
 /// Weights, multiplied by those that points have already.

@@ -24,6 +24,33 @@ pub(crate) struct Problem<'a> {
     pub(crate) diagonal: f64,
 }
 
+/// How far a parameter may be from a linear function of a coordinate, as a share of its range, for the points to be heights.
+///
+/// Limit: coordinates of six digits leave less than this.
+const LINEAR: f64 = 1e-5;
+
+impl Problem<'_> {
+    /// Whether the points are heights over two coordinates: each parameter is a linear function of one of them.
+    pub(crate) fn is_graph(&self) -> bool {
+        let along = |d: usize| (0..3).find(|&k| is_linear(self.parameters.column(d), self.points.column(k)));
+        along(0).zip(along(1)).is_some_and(|(first, second)| first != second)
+    }
+}
+
+/// Whether some numbers are a linear function, that is not constant, of others.
+fn is_linear(u: ArrayView1<'_, f64>, x: ArrayView1<'_, f64>) -> bool {
+    let count = u.len().max(1) as f64;
+    let (mean_u, mean_x) = (u.sum() / count, x.sum() / count);
+    let (mut product, mut square, mut largest) = (0.0, 0.0, 0.0_f64);
+    for (u, x) in u.iter().zip(x) {
+        product += (u - mean_u) * (x - mean_x);
+        square += (x - mean_x).powi(2);
+        largest = largest.max((u - mean_u).abs());
+    }
+    let slope = product / square;
+    largest > 0.0 && u.iter().zip(x).all(|(u, x)| ((u - mean_u) - slope * (x - mean_x)).abs() <= 2.0 * LINEAR * largest)
+}
+
 /// Points in space as plain arrays.
 pub(crate) fn rows_of(points: ArrayView2<'_, f64>) -> Vec<[f64; 3]> {
     points.outer_iter().map(|row| std::array::from_fn(|k| row[k])).collect()
@@ -45,4 +72,37 @@ pub(crate) fn errors_at(
 ) -> Result<Array1<f64>, Error> {
     let image = map.eval_batch(parameters.view())?;
     Ok((&image - &points).mapv(|x| x * x).sum_axis(Axis(1)).mapv(f64::sqrt))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_have_parameters_that_are_linear_in_two_coordinates() {
+        let grid = |shape: fn([f64; 2]) -> [f64; 3]| {
+            let parameters =
+                Array2::from_shape_fn((99, 2), |(i, d)| [(i % 11) as f64 / 10.0, (i / 11) as f64 / 8.0][d]);
+            let points = Array2::from_shape_fn((99, 3), |(i, k)| shape([parameters[[i, 0]], parameters[[i, 1]]])[k]);
+            let problem = Problem {
+                points: points.view(),
+                parameters: parameters.view(),
+                weights: None,
+                rows: &[],
+                triangles: &[],
+                is_mesh: false,
+                is_given: false,
+                tolerance: 1.0,
+                diagonal: 1.0,
+            };
+            problem.is_graph()
+        };
+        assert!(grid(|[u, v]| [4e6 + 30.0 * u, -30.0 * v, (5.0 * u * v).sin()]));
+        assert!(grid(|[u, v]| [(5.0 * u * v).sin(), 2.0 * v, u]));
+        assert!(grid(|[u, v]| [u, v, 0.0]));
+        // Not evenly, not along both, nothing.
+        assert!(!grid(|[u, v]| [u + 1e-3 * u * u, v, u * v]));
+        assert!(!grid(|[u, v]| [u, (3.0 * v).cos(), u * v]));
+        assert!(!grid(|_| [1.0, 2.0, 3.0]));
+    }
 }

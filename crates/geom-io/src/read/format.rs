@@ -42,10 +42,12 @@ pub enum Format {
     E57,
     /// G+Smo XML with a matrix of parameters and one of points.
     GismoXml,
+    /// No file: arrays in memory.
+    Memory,
 }
 
 impl Format {
-    /// All formats.
+    /// All formats of files.
     pub const ALL: [Self; 16] = [
         Self::Ply,
         Self::Obj,
@@ -84,6 +86,7 @@ impl Format {
             Self::Las => "LAS",
             Self::E57 => "E57",
             Self::GismoXml => "G+Smo XML",
+            Self::Memory => "memory",
         }
     }
 
@@ -106,6 +109,7 @@ impl Format {
             Self::Las => &["las", "laz"],
             Self::E57 => &["e57"],
             Self::GismoXml => &["xml"],
+            Self::Memory => &[],
         }
     }
 

@@ -27,7 +27,7 @@ mod xml;
 
 use std::path::Path;
 
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView2, Axis};
 use point_cloud::{MAX_COORDINATE, PointCloud};
 use serde::Serialize;
 
@@ -135,6 +135,28 @@ impl RowLines {
 }
 
 impl Scan {
+    /// Points in memory, shape `(m, 3)`, and nothing else.
+    pub fn in_memory(points: Array2<f64>) -> Self {
+        Self::new(Format::Memory, points)
+    }
+
+    /// Heights in memory over a grid with cells of the given size: row i, column j at `(j · cell[0], i · cell[1])`; NaN for none.
+    ///
+    /// # Errors
+    /// As of files of heights: too few cells, coordinates that are too large.
+    pub fn of_heights(heights: ArrayView2<'_, f64>, cell: [f64; 2]) -> Result<Self, ReadErrorKind> {
+        let axis = |step, count| heights::Axis { origin: 0.0, step, shift: 0.0, count };
+        let grid = heights::Grid {
+            format: Format::Memory,
+            x: axis(cell[0], heights.ncols()),
+            y: axis(cell[1], heights.nrows()),
+            from_north: false,
+            no_data: heights::NoData::None,
+        };
+        grid.check()?;
+        heights::scan(&heights.iter().copied().collect::<Vec<_>>(), &grid)
+    }
+
     /// The line, from 1, of a text file that holds the point at a place; `None` for other formats.
     pub fn line(&self, place: usize) -> Option<usize> {
         self.line_of_row(*self.rows.get(place)?)
@@ -273,6 +295,7 @@ fn parse_unpacked(unpacked: Unpacked<'_>, format: Format, options: &ReadOptions)
         Format::Las => las::read(bytes, &options.classes, &mut budget),
         Format::E57 => e57::read(bytes),
         Format::GismoXml => gismo::read(bytes),
+        Format::Memory => Err(ReadErrorKind::FormatNeeded),
     }?;
     if let Some(member) = member {
         scan.notes.push(format!("read from {:?} in a zip archive", quote(&member)));

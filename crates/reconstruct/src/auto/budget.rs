@@ -5,15 +5,30 @@ use std::ops::ControlFlow;
 use adaptive::Iteration;
 use serde::Serialize;
 
-use super::policy::Policy;
-
-/// What a candidate has to beat, if there is something.
-pub(super) struct Budget<'a> {
-    /// The iterations of the fit to beat, if that reached what was asked.
-    rival: Option<&'a [Iteration]>,
+/// How far a candidate may go.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits<'a> {
+    /// Iterations of another fit: where that has the same error with hardly more control points, the candidate is given up.
+    pub(super) rival: &'a [Iteration],
+    /// Share of the rival's control points from which on it is.
+    pub(super) hopeless: f64,
     /// Control points beyond which nothing is won.
-    most: usize,
-    policy: &'a Policy,
+    pub(super) most: usize,
+    /// Spaces after which it is left, so that others are tried.
+    pub(super) spaces: usize,
+}
+
+impl Limits<'_> {
+    /// Without a limit.
+    pub(super) const NONE: Self = Self { rival: &[], hopeless: 0.0, most: usize::MAX, spaces: usize::MAX };
+}
+
+/// Asked after each iteration whether a candidate is to go on.
+pub(super) struct Budget<'a> {
+    limits: Limits<'a>,
+    /// Iterations so far, and the control points of the last.
+    spaces: usize,
+    dofs: usize,
     /// Why the candidate was given up.
     gave_up: Option<GaveUp>,
 }
@@ -26,26 +41,32 @@ pub enum GaveUp {
     NeedsAsMany(f64),
     /// It has this number of control points, more than allowed, and has not reached the tolerance.
     TooMany(usize),
+    /// It was left after this number of spaces, others were tried, and it was not taken up again.
+    Left(usize),
 }
 
 impl<'a> Budget<'a> {
-    pub(super) fn new(rival: Option<&'a [Iteration]>, most: usize, policy: &'a Policy) -> Self {
-        Self { rival, most, policy, gave_up: None }
+    pub(super) fn new(limits: Limits<'a>) -> Self {
+        Self { limits, spaces: 0, dofs: 0, gave_up: None }
     }
 
     pub(super) fn gave_up(&self) -> Option<GaveUp> {
         self.gave_up
     }
 
-    /// Asked after each iteration: `Break` gives the candidate up.
+    /// `Break` gives the candidate up.
     pub(super) fn after(&mut self, record: &Iteration) -> ControlFlow<()> {
-        self.gave_up = if record.dofs > self.most {
+        if record.dofs != self.dofs {
+            (self.dofs, self.spaces) = (record.dofs, self.spaces + 1);
+        }
+        self.gave_up = if record.dofs > self.limits.most {
             Some(GaveUp::TooMany(record.dofs))
+        } else if self.spaces >= self.limits.spaces {
+            Some(GaveUp::Left(self.limits.spaces))
         } else {
-            self.rival
-                .and_then(|rival| control_points_at(rival, record.deviation.mse))
+            control_points_at(self.limits.rival, record.deviation.mse)
                 .map(|as_near| record.dofs as f64 / as_near)
-                .filter(|&share| share > self.policy.hopeless)
+                .filter(|&share| share > self.limits.hopeless)
                 .map(GaveUp::NeedsAsMany)
         };
         if self.gave_up.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -59,8 +80,8 @@ fn control_points_at(iterations: &[Iteration], mse: f64) -> Option<f64> {
         let (n, e) = (record.dofs as f64, record.deviation.mse);
         match before {
             Some((n0, e0)) if e <= mse && e0 > mse => {
-                let share = (e0 / mse).ln() / (e0 / e.max(f64::MIN_POSITIVE)).ln();
-                return Some(n0 * (n / n0).powf(share));
+                let share = (e0 / mse).ln() / (e0 / e).ln();
+                return Some(if share.is_finite() { n0 * (n / n0).powf(share) } else { n });
             }
             _ if e <= mse => return Some(n),
             Some((_, e0)) if e >= e0 => (),
@@ -94,11 +115,11 @@ mod tests {
     }
 
     #[test]
-    fn a_candidate_is_given_up_when_it_needs_as_many_or_has_too_many() {
-        let policy = Policy::default();
+    fn a_candidate_is_given_up_when_it_needs_as_many_or_has_too_many_or_after_some_spaces() {
         let rival = [record(10, 1.0), record(40, 0.25)];
+        let limits = Limits { rival: &rival, hopeless: 0.95, most: 38, ..Limits::NONE };
         let after = |dofs, mse| {
-            let mut budget = Budget::new(Some(&rival), 38, &policy);
+            let mut budget = Budget::new(limits);
             let goes_on = budget.after(&record(dofs, mse)).is_continue();
             assert_eq!(goes_on, budget.gave_up().is_none());
             budget.gave_up()
@@ -107,8 +128,13 @@ mod tests {
         assert_eq!(after(10, 0.5), None);
         assert_eq!(after(38, 0.2), None);
         assert_eq!(after(39, 0.2), Some(GaveUp::TooMany(39)));
-        // Where nothing is to beat, only the number counts.
-        let mut alone = Budget::new(None, 38, &policy);
-        assert!(alone.after(&record(38, 9.0)).is_continue() && alone.after(&record(39, 0.0)).is_break());
+        let mut alone = Budget::new(Limits::NONE);
+        assert!(alone.after(&record(1_000_000, 9.0)).is_continue());
+        // Iterations on the same space count once.
+        let mut few = Budget::new(Limits { spaces: 2, ..Limits::NONE });
+        for dofs in [10, 10] {
+            assert!(few.after(&record(dofs, 1.0)).is_continue());
+        }
+        assert!(few.after(&record(20, 1.0)).is_break() && few.gave_up() == Some(GaveUp::Left(2)));
     }
 }

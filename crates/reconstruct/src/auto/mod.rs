@@ -15,10 +15,10 @@ use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
 use crate::attempt::{Attempt, CREASE_SAMPLES, attempt};
-use crate::methods::{self, JOINT, Task};
+use crate::methods::{self, Fitted, JOINT, Task};
 use crate::options::{LambdaChoice, Method};
 use crate::{Error, Event, FitOptions, Watch};
-use budget::Budget;
+use budget::{Budget, Limits};
 use candidate::Measured;
 use policy::choose;
 
@@ -58,22 +58,43 @@ pub(crate) struct Chosen {
     pub(crate) tried: Vec<Tried>,
 }
 
+impl Tried {
+    fn new(candidate: Candidate) -> Self {
+        Self {
+            candidate,
+            control_points: 0,
+            verdict: None,
+            within: 0.0,
+            gave_up: None,
+            reason: None,
+            error: None,
+            seconds: 0.0,
+        }
+    }
+}
+
 /// Fits by the method asked for; where that is left to us, by the best of the candidates.
 pub(crate) fn fit(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) -> Result<Chosen, Error> {
     if options.method != Method::Auto {
         let _ = watch(Event::Step(Candidate::Fixed.step()));
         return Ok(Chosen { attempt: attempt(&JOINT, task, options, watch)?, tried: Vec::new() });
     }
-    let mut trials = Trials::new(*task, options);
+    let mut trials = Trials::new(task.clone(), options);
     trials.run(Candidate::Fixed, watch)?;
-    if !trials.is_coarsest() {
-        // Who asks for all points gets parameters that move freely in any case.
-        let count = if options.within >= 1.0 { 2 } else { 3 };
-        for &candidate in &Candidate::ALL[1..count] {
-            if !trials.is_interrupted() {
-                trials.run(candidate, watch)?;
-            }
-        }
+    if trials.is_done() {
+        return Ok(trials.into_best());
+    }
+    trials.run(Candidate::Moving, watch)?;
+    if !trials.is_good() {
+        trials.take_up_fixed(watch)?;
+    }
+    if !trials.is_good() && !trials.is_interrupted() && trials.gave_up(Candidate::Moving) {
+        // What it was compared with did not end well.
+        trials.run(Candidate::Moving, watch)?;
+    }
+    // Who asks for all points has parameters that move freely already.
+    if options.within < 1.0 && !trials.is_interrupted() {
+        trials.run(Candidate::MovingFreely, watch)?;
     }
     Ok(trials.into_best())
 }
@@ -82,12 +103,16 @@ pub(crate) fn fit(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) 
 struct Trials<'a, 'o> {
     task: Task<'a>,
     options: &'o FitOptions,
-    /// Those that ended by themselves.
+    /// Those that ended by themselves, of which the first has fixed parameters unless these were left.
     attempts: Vec<Attempt>,
     measured: Vec<Measured>,
     tried: Vec<Tried>,
     /// Places in `tried` of those that ended by themselves.
     places: Vec<usize>,
+    /// What fixed parameters came to when they were left.
+    left: Option<Fitted>,
+    /// The smoothing weight of fixed parameters.
+    lambda: Option<f64>,
     sides: Option<Sides<'a>>,
 }
 
@@ -100,65 +125,110 @@ impl<'a, 'o> Trials<'a, 'o> {
             measured: Vec::new(),
             tried: Vec::new(),
             places: Vec::new(),
+            left: None,
+            lambda: None,
             sides: None,
         }
     }
 
-    /// The place of the best so far.
-    fn best(&self) -> usize {
-        choose(&self.measured, &self.options.policy).0
+    /// The place of the best so far, if anything has ended by itself.
+    fn best(&self) -> Option<usize> {
+        (!self.measured.is_empty()).then(|| choose(&self.measured, &self.options.policy).0)
+    }
+
+    fn is_good(&self) -> bool {
+        self.best().is_some_and(|best| self.measured[best].verdict == Verdict::Good)
+    }
+
+    /// Whether a candidate was given up when it was tried last.
+    fn gave_up(&self, candidate: Candidate) -> bool {
+        self.tried.iter().rfind(|tried| tried.candidate == candidate).is_some_and(|tried| tried.gave_up.is_some())
     }
 
     fn is_interrupted(&self) -> bool {
         self.attempts.iter().any(|attempt| attempt.fitted.stop == Stop::Interrupted)
     }
 
-    /// Whether fixed parameters did it in the space that everything begins with.
-    fn is_coarsest(&self) -> bool {
-        let fixed = &self.measured[0];
-        !self.options.exhaustive
-            && fixed.verdict == Verdict::Good
-            && fixed.control_points == self.task.space.n_functions()
+    /// Whether nothing is to be tried after fixed parameters: they did it in the space that everything begins with, or the points are
+    /// heights over a plane, whose parameters are what they are meant to be.
+    fn is_done(&self) -> bool {
+        let is_coarsest =
+            |fixed: &Measured| fixed.verdict == Verdict::Good && fixed.control_points == self.task.space.n_functions();
+        let ended = self.measured.first().is_some_and(|fixed| is_coarsest(fixed) || self.task.problem.is_graph());
+        !self.options.exhaustive && ended || self.is_interrupted()
     }
 
-    /// The options of a candidate after fixed parameters: their smoothing weight, and a limit of control points if nothing reached the
-    /// tolerance.
     fn options_of(&self, candidate: Candidate) -> FitOptions {
         let method = candidate.method();
-        let Some(fixed) = self.attempts.first() else { return FitOptions { method, ..self.options.clone() } };
-        let lambda = LambdaChoice::Fixed(fixed.fitted.lambda);
+        let Some(lambda) = self.lambda else { return FitOptions { method, ..self.options.clone() } };
         let points = self.task.problem.points.nrows() as f64;
         let most = (self.options.policy.most_per_point * points) as usize;
-        FitOptions { method, lambda, max_dofs: self.options.max_dofs.or(Some(most)), ..self.options.clone() }
+        FitOptions {
+            method,
+            lambda: LambdaChoice::Fixed(lambda),
+            max_dofs: self.options.max_dofs.or(Some(most)),
+            ..self.options.clone()
+        }
+    }
+
+    /// How far a candidate may go.
+    fn limits(&self, candidate: Candidate) -> Limits<'_> {
+        let policy = &self.options.policy;
+        if self.options.exhaustive {
+            return Limits::NONE;
+        }
+        // What is usable only may be replaced by something good with more control points.
+        let rival = self.best().filter(|&best| self.measured[best].verdict == Verdict::Good);
+        let most = |best: usize| (policy.most_control_points * self.measured[best].control_points as f64) as usize;
+        let history = |best: usize| self.attempts[best].fitted.history.as_slice();
+        let left = self.left.as_ref().map_or(&[][..], |fitted| &fitted.history);
+        match candidate {
+            // A graph is left as it is.
+            Candidate::Fixed if self.task.problem.is_graph() => Limits::NONE,
+            Candidate::Fixed => Limits { spaces: policy.first_spaces as usize, ..Limits::NONE },
+            Candidate::Moving => Limits {
+                rival: rival.map_or(left, history),
+                hopeless: policy.hopeless,
+                most: rival.map_or(usize::MAX, most),
+                ..Limits::NONE
+            },
+            Candidate::MovingFreely => Limits {
+                rival: rival.map_or(&[], history),
+                hopeless: policy.hopeless_freely,
+                most: rival.map_or(usize::MAX, most),
+                ..Limits::NONE
+            },
+        }
     }
 
     /// Fits a candidate until it ends or is given up. Only the first may fail: errors of the others are told.
     fn run(&mut self, candidate: Candidate, watch: &mut Watch<'_>) -> Result<(), Error> {
         let _ = watch(Event::Step(candidate.step()));
         let (start, options) = (Instant::now(), self.options_of(candidate));
-        let mut tried = Tried {
-            candidate,
-            control_points: 0,
-            verdict: None,
-            within: 0.0,
-            gave_up: None,
-            reason: None,
-            error: None,
-            seconds: 0.0,
+        let mut tried = Tried::new(candidate);
+        let mut budget = Budget::new(self.limits(candidate));
+        let mut observer = |record: &Iteration| -> ControlFlow<()> {
+            (tried.control_points, tried.within) = (record.dofs, record.deviation.within);
+            watch(Event::Iteration(record))?;
+            budget.after(record)
         };
-        match self.attempt(candidate, &options, &mut tried, watch) {
-            Ok(Some(attempt)) => {
-                tried.verdict = Some(attempt.judgement.verdict());
-                tried.within = attempt.judgement.deviation.scan_to_surface.within;
-                self.places.push(self.tried.len());
-                let (diagonal, asked) = (self.task.problem.diagonal, self.options.within);
-                self.measured.push(Measured::of(candidate, &attempt, diagonal, asked));
-                self.attempts.push(attempt);
-                self.look_across(candidate)?;
-            }
-            Ok(None) => (),
-            Err(error) if self.attempts.is_empty() => return Err(error),
+        let fitted = methods::fit(&candidate.joint(), &self.task, &options, &mut observer);
+        let gave_up = budget.gave_up();
+        match fitted {
+            Err(error) if self.tried.is_empty() => return Err(error),
             Err(error) => tried.error = Some(error.to_string()),
+            Ok(fitted) => {
+                if candidate == Candidate::Fixed {
+                    self.lambda = Some(fitted.lambda);
+                }
+                // A loop that reached what was asked has ended by itself, whatever it was told.
+                tried.gave_up = gave_up.filter(|_| fitted.stop == Stop::Interrupted);
+                match tried.gave_up {
+                    None => self.measure(&mut tried, fitted, watch)?,
+                    Some(_) if candidate == Candidate::Fixed => self.left = Some(fitted),
+                    Some(_) => (),
+                }
+            }
         }
         tried.seconds = start.elapsed().as_secs_f64();
         tracing::info!(?tried, "tried");
@@ -166,39 +236,53 @@ impl<'a, 'o> Trials<'a, 'o> {
         Ok(())
     }
 
-    /// The candidate's surface, measured; nothing if it was given up.
-    fn attempt(
-        &self,
-        candidate: Candidate,
-        options: &FitOptions,
-        tried: &mut Tried,
-        watch: &mut Watch<'_>,
-    ) -> Result<Option<Attempt>, Error> {
-        let policy = &self.options.policy;
-        let best = (!self.attempts.is_empty()).then(|| self.best());
-        // What is usable only may be replaced by something good with more control points.
-        let rival = best.filter(|&best| !self.options.exhaustive && self.measured[best].verdict == Verdict::Good);
-        let most = rival.map(|best| (policy.most_control_points * self.measured[best].control_points as f64) as usize);
-        let iterations = rival.map(|best| self.attempts[best].fitted.history.as_slice());
-        let mut budget = Budget::new(iterations, most.unwrap_or(usize::MAX), policy);
+    /// Goes on with fixed parameters, from the space in which they were left.
+    fn take_up_fixed(&mut self, watch: &mut Watch<'_>) -> Result<(), Error> {
+        let Some(left) = self.left.take() else { return Ok(()) };
+        let _ = watch(Event::Step(Candidate::Fixed.step()));
+        let (start, mut tried) = (Instant::now(), Tried::new(Candidate::Fixed));
+        let options = FitOptions { max_dofs: self.options.max_dofs, ..self.options_of(Candidate::Fixed) };
         let mut observer = |record: &Iteration| -> ControlFlow<()> {
             (tried.control_points, tried.within) = (record.dofs, record.deviation.within);
-            watch(Event::Iteration(record))?;
-            budget.after(record)
+            watch(Event::Iteration(record))
         };
-        let fitted = methods::fit(&candidate.joint(), &self.task, options, &mut observer)?;
-        tried.gave_up = budget.gave_up();
-        if tried.gave_up.is_some() {
-            return Ok(None);
+        let task = Task { space: left.map.space().clone(), ..self.task.clone() };
+        let mut fitted = methods::fit(&Candidate::Fixed.joint(), &task, &options, &mut observer)?;
+        // The first iteration repeats the last one.
+        let again = fitted.history.split_off(1);
+        fitted.history = left.history;
+        fitted.history.extend(again);
+        for (number, record) in fitted.history.iter_mut().enumerate() {
+            record.iteration = number;
         }
+        self.measure(&mut tried, fitted, watch)?;
+        tried.seconds = start.elapsed().as_secs_f64();
+        tracing::info!(?tried, "tried");
+        self.tried.push(tried);
+        Ok(())
+    }
+
+    /// Measures what ended by itself and adds it to the candidates for the choice.
+    fn measure(&mut self, tried: &mut Tried, fitted: Fitted, watch: &mut Watch<'_>) -> Result<(), Error> {
         let _ = watch(Event::Step("measuring the surface"));
-        Attempt::of(options.method, fitted, &self.task, self.options.within).map(Some)
+        let candidate = tried.candidate;
+        let attempt = Attempt::of(candidate.method(), fitted, &self.task, self.options.within)?;
+        tried.verdict = Some(attempt.judgement.verdict());
+        tried.within = attempt.judgement.deviation.scan_to_surface.within;
+        let (diagonal, asked) = (self.task.problem.diagonal, self.options.within);
+        let measured = Measured::of(candidate, &attempt, diagonal, asked);
+        // Fixed parameters are what the others are compared with, whenever they end.
+        let at = if candidate == Candidate::Fixed { 0 } else { self.measured.len() };
+        self.measured.insert(at, measured);
+        self.attempts.insert(at, attempt);
+        self.places.insert(at, self.tried.len());
+        self.look_across(candidate)
     }
 
     /// Parameters that move freely may tear the map: if they would be taken, the area across the points tells.
     fn look_across(&mut self, candidate: Candidate) -> Result<(), Error> {
         let last = self.measured.len() - 1;
-        if candidate != Candidate::MovingFreely || self.best() != last {
+        if candidate != Candidate::MovingFreely || last == 0 || self.best() != Some(last) {
             return Ok(());
         }
         let before = choose(&self.measured[..last], &self.options.policy).0;
@@ -209,6 +293,7 @@ impl<'a, 'o> Trials<'a, 'o> {
         Ok(())
     }
 
+    /// The best attempt; something has ended by itself, since nothing limits fixed parameters that were taken up again.
     fn into_best(mut self) -> Chosen {
         let (best, reasons) = choose(&self.measured, &self.options.policy);
         for (&place, reason) in self.places.iter().zip(reasons) {

@@ -41,9 +41,13 @@ thresholds! {
     /// Control points, as a share of those of what is kept so far, that a surface as good may have at most to be taken instead. Parameters
     /// that stay where they were laid out leave fewer surprises, so that they go first where hardly anything is gained.
     most_control_points = 0.95, "cargo xtask corpus --data DIR --vary most_control_points=0.8,0.9,0.95,1";
-    /// Share of the control points of the fit to beat at the same root mean square distance from which on a candidate is given up: it
-    /// would not end with fewer than [`Policy::most_control_points`].
+    /// Spaces that fixed parameters are fitted in before moving ones are tried, which nearly always need fewer control points: as many
+    /// as tell how the error falls.
+    first_spaces = 3.0, "cargo xtask corpus --data DIR --vary first_spaces=1,2,3,4";
+    /// Share of the control points of fixed parameters, at the same root mean square distance, from which on moving parameters are given up.
     hopeless = 0.95, "cargo xtask corpus --data DIR --vary hopeless=0.85,0.9,0.95,1,1.1";
+    /// The same for parameters that move freely, beside those that move with their neighbours.
+    hopeless_freely = 0.85, "cargo xtask corpus --data DIR --vary hopeless_freely=0.75,0.8,0.85,0.9,0.95";
     /// Control points, as a share of the points, that a candidate may have if nothing has reached the tolerance: with as many as points a
     /// surface follows any noise.
     most_per_point = 0.9, "cargo xtask corpus --data DIR --vary most_per_point=0.7,0.9,1";

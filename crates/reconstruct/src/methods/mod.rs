@@ -23,7 +23,7 @@ use reweighting::ReweightingReport;
 pub use moving::JOINT;
 
 /// What is to be fitted, the same in all attempts.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(crate) struct Task<'a> {
     pub(crate) problem: &'a Problem<'a>,
     pub(crate) judge: &'a Judge<'a>,
@@ -31,13 +31,15 @@ pub(crate) struct Task<'a> {
     pub(crate) judges_loop: bool,
     /// Whether the smoothing weight is ours to change.
     pub(crate) softens: bool,
+    /// Points from this one on guide the surface where the scan has none; their errors do not count.
+    pub(crate) counted: usize,
     /// The space to begin with.
-    pub(crate) space: &'a Arc<HierarchicalSpace<2>>,
+    pub(crate) space: Arc<HierarchicalSpace<2>>,
 }
 
 impl<'a> Task<'a> {
     pub(super) fn judged<S>(&self, method: S, within: f64) -> Judged<'a, S> {
-        Judged::new(method, self.judges_loop.then_some(self.judge), within, self.softens)
+        Judged::new(method, self.judges_loop.then_some(self.judge), within, self.counted, self.softens)
     }
 }
 
@@ -79,7 +81,7 @@ pub(crate) fn fit(
     options: &FitOptions,
     observer: &mut dyn Observer,
 ) -> Result<Fitted, Error> {
-    let Task { problem, space, .. } = *task;
+    let (problem, space) = (task.problem, &task.space);
     let rules = loop_options(options, problem.tolerance, problem.points.nrows());
     match (options.method, moving::method(joint, problem, options)?) {
         (Method::Qi | Method::AQi, _) => quasi::fit(options.method, problem, space, options, &rules, observer),
