@@ -32,6 +32,8 @@ mod fit;
 mod hints;
 mod inspect;
 mod judge;
+mod knots;
+mod level_zero;
 mod memory;
 mod mesh;
 mod methods;
@@ -48,6 +50,7 @@ mod report;
 mod tolerance;
 mod trim;
 mod units;
+mod warnings;
 mod watch;
 
 pub use auto::{Candidate, Defect, GaveUp, Policy, Reason as ChoiceReason, Tried};

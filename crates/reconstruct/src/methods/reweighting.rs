@@ -17,7 +17,7 @@ use serde::Serialize;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 
 use super::{Fitted, least_squares_options};
-use crate::fit::uniform_knots;
+use crate::knots::uniform_knots;
 use crate::options::{Method, ParseOptionError, parse_error, range, serialize_as_typed};
 use crate::parameters::places_of;
 use crate::problem::Problem;

@@ -13,7 +13,7 @@ use thb_core::{HierarchicalSpace, Kind};
 use super::closed::wrap;
 use super::cloud::{self, Cloud, STRAY};
 use super::{Layout, network, spread_over_square};
-use crate::fit::uniform_knots;
+use crate::knots::uniform_knots;
 use crate::parameter_options::ParameterChoice;
 use crate::{Error, Event, ParameterOptions, Watch};
 
