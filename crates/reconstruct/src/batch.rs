@@ -8,10 +8,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use deviation::{Reason, Verdict};
-use geom_io::target_of;
 use serde::Serialize;
 
-use crate::output::{all_shown, check_parameter_format, is_directory, part_name, shown};
+use crate::options::{all_shown, shown};
+use crate::output::{check_parameter_format, is_directory, part_name};
+use crate::paths::identity;
 use crate::{
     Error, Event, FitOptions, OutputPaths, ParameterOptions, PieceFits, Report, ReweightingReport, fit_file,
     fit_pieces_file, write_outputs, write_piece_outputs, write_text,
@@ -338,16 +339,6 @@ pub(crate) fn check_overwriting(
     }
     written.extend(read);
     Ok(written)
-}
-
-/// The same for all names of a file, also of one that is not there yet in a directory that is, or at the end of a link.
-pub(crate) fn identity(path: &Path) -> PathBuf {
-    let path = &target_of(path).unwrap_or_else(|_| path.to_owned());
-    let of_parent = || {
-        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Some(parent.canonicalize().ok()?.join(path.file_name()?))
-    };
-    path.canonicalize().ok().or_else(of_parent).unwrap_or_else(|| path.to_owned())
 }
 
 #[cfg(test)]

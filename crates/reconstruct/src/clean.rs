@@ -13,8 +13,9 @@ use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
 use serde::Serialize;
 
-use crate::parameter_options::{Clean, ParameterChoice};
-use crate::parameters::{MIN_POINTS, extent, named_rows, spread_over_square};
+use crate::options::{Clean, ParameterChoice};
+use crate::parameters::boundary::named_rows;
+use crate::parameters::layout::{MIN_POINTS, extent, spread_over_square};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Neighbours and robust standard deviations that make a point an outlier.

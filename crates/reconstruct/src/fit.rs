@@ -13,7 +13,7 @@ use crate::attempt::Attempt;
 use crate::auto::Chosen;
 use crate::level_zero::{level_zero, shaped};
 use crate::methods::Fitted;
-use crate::methods::reweighting::robust_diagonal;
+use crate::methods::robust_diagonal;
 use crate::options::Pair;
 use crate::orientation::vote;
 use crate::parameters::{Parameterized, parameterize};

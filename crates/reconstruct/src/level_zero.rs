@@ -9,8 +9,8 @@ use point_cloud::vec3::norm;
 use thb_core::{HierarchicalSpace, Kind, KnotVector};
 
 use crate::knots::uniform_knots;
+use crate::options::Domain;
 use crate::options::Pair;
-use crate::parameter_options::Domain;
 use crate::parameters::{Parameterized, extent};
 use crate::{Error, FitOptions};
 

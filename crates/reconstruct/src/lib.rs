@@ -40,8 +40,8 @@ mod methods;
 mod options;
 mod orientation;
 mod output;
-mod parameter_options;
 mod parameters;
+mod paths;
 mod picture;
 mod pieces;
 mod prepare;
@@ -53,7 +53,7 @@ mod units;
 mod warnings;
 mod watch;
 
-pub use auto::{Candidate, Defect, GaveUp, Policy, Reason as ChoiceReason, Tried};
+pub use auto::{Candidate, Defect, GaveUp, Reason as ChoiceReason, Tried};
 pub use batch::{BatchEvent, BatchOptions, BatchResult, PartOutcome, PartResult, check_parameter_outputs, run_batch};
 pub use clean::CleaningReport;
 pub use curve::{
@@ -66,18 +66,16 @@ pub use fit::{Fit, fit_file, fit_scan};
 pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
 pub use memory::{Mesh, Points, fit};
 pub use methods::JOINT;
-pub use methods::quasi::{LocalRule, QuasiOptions, QuasiReport};
-pub use methods::reweighting::{LossChoice, MarkerChoice, ReweightingOptions, ReweightingReport, UpdateChoice};
+pub use methods::QuasiReport;
+pub use methods::ReweightingReport;
 pub use options::{
-    BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Samples,
-    Tolerance,
+    BlendChoice, BoundaryChoice, Clean, Closed, Crop, Domain, Energy, FitOptions, GivenCorners, LambdaChoice,
+    LocalRule, LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions,
+    ParseOptionError, Policy, QuasiOptions, RadiusChoice, Refine, ReweightingOptions, Samples, SideRule, Tolerance,
+    UpdateChoice,
 };
 pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};
-pub use parameter_options::{
-    Clean, Closed, Crop, Domain, GivenCorners, Networks, ParameterChoice, ParameterOptions, RadiusChoice, Refine,
-    SideRule,
-};
 pub use parameters::{
     HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
     parameterize, parameterize_file,

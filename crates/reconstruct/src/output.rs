@@ -9,10 +9,10 @@ use geom_io::{
     check_writable, write_atomically, write_mesh, write_model, write_step,
 };
 use ndarray::{Array1, Array2, Axis};
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
-use crate::batch::identity;
 use crate::mesh::{nearest_errors, tessellate};
+use crate::paths::identity;
 use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters};
 
 /// Where the results of one part go.
@@ -63,19 +63,6 @@ impl OutputPaths {
     pub(crate) fn check_writable(&self) -> Result<(), Error> {
         Ok(self.files.iter().chain(&self.report).try_for_each(|path| check_writable(path))?)
     }
-}
-
-/// A path as reports have it: what of its name is no text is replaced.
-pub(crate) fn shown<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(&path.to_string_lossy())
-}
-
-/// Paths as reports have them.
-pub(crate) fn all_shown<'a, S: Serializer>(
-    paths: impl IntoIterator<Item = &'a PathBuf>,
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    serializer.collect_seq(paths.into_iter().map(|path| path.to_string_lossy()))
 }
 
 /// Name of a part: its file's without the extension and without `.gz` behind that; `stdin` for standard input.

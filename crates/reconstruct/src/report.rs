@@ -12,7 +12,7 @@ use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
 use crate::auto::Tried;
-use crate::methods::quasi::QuasiReport;
+use crate::methods::QuasiReport;
 use crate::options::Method;
 use crate::orientation::NormalsReport;
 use crate::{DefaultTolerance, Error, FitOptions, ParameterOptions, ParameterReport, Parameterized, ReweightingReport};

@@ -2,7 +2,7 @@
 
 mod budget;
 mod candidate;
-mod policy;
+mod choice;
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -20,11 +20,11 @@ use crate::options::{LambdaChoice, Method};
 use crate::{Error, Event, FitOptions, Watch};
 use budget::{Budget, Limits};
 use candidate::Measured;
-use policy::choose;
+use choice::choose;
 
 pub use budget::GaveUp;
 pub use candidate::Candidate;
-pub use policy::{Defect, Policy, Reason};
+pub use choice::{Defect, Reason};
 
 /// A candidate that was tried, and what became of it.
 #[derive(Clone, Debug, Serialize)]

@@ -3,7 +3,7 @@
 use adaptive::{Observer, Outcome, run};
 use fit_ls::LeastSquares;
 
-use super::{Fitted, Task, least_squares_options};
+use super::task::{Fitted, Task, least_squares_options};
 use crate::{Error, FitOptions};
 
 /// Fits adaptively by penalized least squares at the parameters of the problem.

@@ -7,7 +7,7 @@ use ndarray::ArrayView2;
 use param_classic::triangulate_parameters;
 use point_cloud::LocalFrames;
 
-use super::{Fitted, Task, least_squares_options};
+use super::task::{Fitted, Task, least_squares_options};
 use crate::options::{BlendChoice, Method};
 use crate::problem::{Problem, errors_at};
 use crate::{Error, FitOptions};

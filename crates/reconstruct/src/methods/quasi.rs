@@ -1,116 +1,17 @@
-//! Quasi-interpolation: its options, its part of the report, and the loop with it.
+//! Quasi-interpolation: its part of the report, and the loop with it.
 
 use std::sync::Arc;
 
 use adaptive::{Observer, Outcome, run};
-use fit_qi::{LocalLambda, QuasiInterpolation, Work};
+use fit_qi::{LocalLambda, QuasiInterpolation};
 use moving_param::MovingQuasi;
-use serde::Serialize;
 use thb_core::HierarchicalSpace;
 
-use super::Fitted;
-use crate::options::{LambdaChoice, Method, named, range, serialize_as_typed};
+use super::quasi_report::QuasiReport;
+use super::task::Fitted;
+use crate::options::Method;
 use crate::problem::{Problem, errors_at};
-use crate::{Error, FitOptions, Pair};
-
-named!(
-    /// How the smoothing weight of a local problem follows from `--lambda`.
-    LocalRule, "constant, points or area",
-    /// It is that number.
-    Constant = "constant",
-    /// Times the number of local points.
-    Points = "points",
-    /// Times the region's share of the parameter domain.
-    Area = "area"
-);
-serialize_as_typed!(LocalRule);
-
-/// Options of `qi` and `a-qi`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct QuasiOptions {
-    /// Smallest number of points of a local problem; `None` for the number of functions on a cell.
-    pub n_min: Option<usize>,
-    /// Points in the support of a function from which on it may be refined; `None` for twice the number of functions on a
-    /// cell.
-    pub n_loc: Option<usize>,
-    /// Smallest share of the cells of a local problem that hold a point.
-    pub density: f64,
-    /// Parts of a support, each of which must hold its share of `n_loc`.
-    pub splits: Pair,
-    /// How the smoothing weight of a local problem follows from that of the fit.
-    pub local_lambda: LocalRule,
-}
-
-impl Default for QuasiOptions {
-    fn default() -> Self {
-        let usual = fit_qi::Options::<2>::default();
-        Self {
-            n_min: usual.n_min,
-            n_loc: usual.n_loc,
-            density: usual.density,
-            splits: Pair(usual.splits),
-            local_lambda: LocalRule::Constant,
-        }
-    }
-}
-
-impl QuasiOptions {
-    /// Checks ranges that types do not express.
-    ///
-    /// # Errors
-    /// [`Error::OptionRange`].
-    pub(crate) fn check(&self) -> Result<(), Error> {
-        let number = |n: Option<usize>| n.map_or(String::new(), |n| n.to_string());
-        range("--n-min", number(self.n_min), "3 or more", self.n_min.is_none_or(|n| n >= 3))?;
-        let enough = self.n_loc.is_none_or(|loc| loc >= self.n_min.unwrap_or(3));
-        range("--n-loc", number(self.n_loc), "3 or more, and at least --n-min", enough)?;
-        range("--density", self.density.to_string(), "0 to 1", (0.0..=1.0).contains(&self.density))?;
-        range("--splits", self.splits.to_string(), "1 to 64", self.splits.0.iter().all(|n| (1..=64).contains(n)))
-    }
-
-    fn resolve(&self, lambda: LambdaChoice, tolerance: f64) -> fit_qi::Options<2> {
-        let lambda = match (lambda, self.local_lambda) {
-            // The others are refused with these methods.
-            (LambdaChoice::Auto | LambdaChoice::CrossValidation | LambdaChoice::Discrepancy(_), _) => {
-                LocalLambda::Automatic { tolerance }
-            }
-            (LambdaChoice::Fixed(value), LocalRule::Constant) => LocalLambda::Constant(value),
-            (LambdaChoice::Fixed(value), LocalRule::Points) => LocalLambda::PerPoint(value),
-            (LambdaChoice::Fixed(value), LocalRule::Area) => LocalLambda::PerArea(value),
-        };
-        let Self { n_min, n_loc, density, splits, .. } = *self;
-        fit_qi::Options { lambda, n_min, n_loc, density, splits: splits.0 }
-    }
-}
-
-/// The local problems of one iteration.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct QuasiReport {
-    /// Local problems that were solved; with moving parameters over all corrections.
-    pub solved: usize,
-    /// Points that were summed, over all levels.
-    pub summed: usize,
-    /// Control points whose local problem had to reach beyond their support.
-    pub enlarged: usize,
-    /// Control points taken from the coarser level, for want of points nearby.
-    pub inherited: usize,
-    /// Control points that are means of points, because the parameters of these lie on a line.
-    pub collinear: usize,
-}
-
-impl QuasiReport {
-    /// The report of an iteration, whose surface was computed once, and again after each correction.
-    fn of(work: &[Work]) -> Self {
-        let Some(last) = work.last() else { return Self::default() };
-        Self {
-            solved: work.iter().map(|w| w.solved).sum(),
-            summed: work.iter().map(|w| w.summed).sum(),
-            enlarged: last.enlarged,
-            inherited: last.inherited,
-            collinear: last.collinear.len(),
-        }
-    }
-}
+use crate::{Error, FitOptions};
 
 /// Fits adaptively by quasi-interpolation, with fixed or with moving parameters.
 pub(crate) fn fit(

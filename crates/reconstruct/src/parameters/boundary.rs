@@ -6,7 +6,7 @@ use geom_io::Scan;
 use ndarray::{ArrayView2, Axis};
 use point_cloud::{loop_length, order_loop};
 
-use super::places_of;
+use super::layout::places_of;
 use crate::{Error, ParameterOptions};
 
 /// Points that a boundary needs: its corners.

@@ -6,20 +6,10 @@ use param_classic::{
 };
 use point_cloud::{BoundaryParams, CloudBoundary, CornerParams, find_boundary, find_corners, loop_length};
 
-use super::{Layout, few, mesh, network, tube};
-use crate::parameter_options::{Networks, ParameterChoice};
-use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
-
-/// Distance from the mesh over a cloud, in spacings, from which on a point is not of the surface.
-pub(super) const STRAY: f64 = 4.0;
-
-/// A cloud to be laid out, and what the user says of it. Indices are of its points.
-pub(super) struct Cloud {
-    pub(super) points: Array2<f64>,
-    /// The outer boundary in order.
-    pub(super) boundary: Option<Vec<u32>>,
-    pub(super) corners: Option<[u32; 4]>,
-}
+use super::layout::{Cloud, HoleReport, Layout, STRAY, map_params};
+use super::{few, network, tube};
+use crate::options::{Networks, ParameterChoice};
+use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Lays out a cloud at once: by default through a mesh that is spanned over it; else, and where none comes out, through its
 /// boundary and barycentric weights (Imperatore 2024, §4.2.1).
@@ -75,7 +65,7 @@ fn by_spanned_mesh(
     watch: &mut Watch<'_>,
 ) -> Result<Layout, Error> {
     let _ = watch(Event::Step("mapping the mesh"));
-    let params = mesh::map_params(ParameterChoice::MeanValue, cloud.corners, options);
+    let params = map_params(ParameterChoice::MeanValue, cloud.corners, options);
     let map = map_spanned(cloud.points.view(), found, &params)?;
     let refined = map.report.refinement.is_some();
     let stray = STRAY * found.spacing;

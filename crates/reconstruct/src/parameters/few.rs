@@ -5,9 +5,8 @@ use param_classic::{map_mesh, triangulate_parameters};
 use point_cloud::vec3::{dot, sub};
 use point_cloud::{DiskMesh, SubMesh, TriangleMesh, drop_unreferenced, principal_axes};
 
-use super::cloud::Cloud;
-use super::{Layout, mesh};
-use crate::parameter_options::ParameterChoice;
+use super::layout::{Cloud, Layout, map_params};
+use crate::options::ParameterChoice;
 use crate::{Error, ParameterOptions};
 
 /// Clouds of fewer points are laid out by the plane they are nearest to.
@@ -48,7 +47,7 @@ pub(super) fn lay_out(cloud: &Cloud, options: &ParameterOptions) -> Result<Layou
         (None, _) => None,
     };
     let boundary = outline.clone();
-    let map = map_mesh(disk, &mesh::map_params(ParameterChoice::MeanValue, corners, options))?;
+    let map = map_mesh(disk, &map_params(ParameterChoice::MeanValue, corners, options))?;
     let mut layout = Layout {
         points: cloud.points.select(ndarray::Axis(0), &kept),
         rows: kept.iter().map(|&row| row as u32).collect(),

@@ -8,28 +8,11 @@ use param_classic::{
     BOUNDARY_TOLERANCE, BoundaryParameters, InjectiveParams, cloud_quality, map_quality, refine_injective,
 };
 use point_cloud::spread_subset;
-use serde::Serialize;
 use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
-use super::{Layout, network};
+use super::layout::{Layout, NetworkReport};
+use super::network;
 use crate::Error;
-
-/// What came of asking a network beside the classical map of a cloud.
-#[derive(Clone, Debug, Serialize)]
-pub struct NetworkReport {
-    /// Whether its parameters were taken.
-    pub taken: bool,
-    /// Why, with the numbers.
-    pub reason: String,
-    /// Whose candidate did best: bidgcn or pargcn.
-    pub network: Option<&'static str>,
-    /// Share of the way from the classical parameters to the network's that the candidate went.
-    pub share: Option<f64>,
-    /// Root mean square errors of quick fits, coarse and fine, with the classical parameters.
-    pub classical_error: Option<[f64; 2]>,
-    /// The same with the candidate.
-    pub error: Option<[f64; 2]>,
-}
 
 /// A network that is asked.
 struct Network {

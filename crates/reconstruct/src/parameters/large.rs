@@ -11,10 +11,10 @@ use point_cloud::{CloudError, Rows, find_rows, spread_subset, thin_rows};
 use thb_core::{HierarchicalSpace, Kind};
 
 use super::closed::wrap;
-use super::cloud::{self, Cloud, STRAY};
-use super::{Layout, network, spread_over_square};
+use super::layout::{Cloud, Layout, STRAY, spread_over_square};
+use super::{cloud, network};
 use crate::knots::uniform_knots;
-use crate::parameter_options::ParameterChoice;
+use crate::options::ParameterChoice;
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Clouds of up to as many times the subset are laid out at once: that takes seconds, and nothing is lost.

@@ -2,16 +2,16 @@
 
 use geom_io::Scan;
 use ndarray::Axis;
-use param_classic::{InjectiveParams, MeshMapParams, SpannedMap, SpannedMapParams, Weights, map_mesh};
+use param_classic::{SpannedMap, map_mesh};
 use point_cloud::{
-    CloudError, CornerChoice, DiskMesh, LargestDisk, Pieces, TriangleMesh, Welded, drop_unreferenced, largest_disk,
+    CloudError, DiskMesh, LargestDisk, Pieces, TriangleMesh, Welded, drop_unreferenced, largest_disk,
     merge_duplicate_vertices, unreferenced_vertices, weld,
 };
 
-use super::cloud::Cloud;
-use super::{Layout, corners_among, large, tube};
-use crate::parameter_options::{ParameterChoice, Refine};
-use crate::{Error, Event, HoleReport, ParameterOptions, Watch};
+use super::layout::{Cloud, HoleReport, Layout, corners_among, map_params};
+use super::{large, tube};
+use crate::options::ParameterChoice;
+use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Share of the triangles up to which pieces besides the largest are stray and left out.
 pub(crate) const STRAY_TRIANGLES: f64 = 0.02;
@@ -126,28 +126,6 @@ fn vertices_of(corners: [u32; 4], mesh: &TriangleMesh, kept: &[u32], rows: &[u32
         *vertex = found.ok_or(Error::NoSuchPoint { option: "--corners", row })? as u32;
     }
     Ok(vertices)
-}
-
-/// How a mesh is mapped.
-pub(super) fn map_params(
-    choice: ParameterChoice,
-    corners: Option<[u32; 4]>,
-    options: &ParameterOptions,
-) -> SpannedMapParams {
-    let uniform = choice == ParameterChoice::Uniform;
-    let refinement = InjectiveParams { slide: corners.is_none(), ..InjectiveParams::default() };
-    // The map with equal weights is what was asked for, unless its refinement was too.
-    let refined = options.refine == Refine::On || options.refine == Refine::Auto && !uniform;
-    SpannedMapParams {
-        map: MeshMapParams {
-            weights: if uniform { Weights::Uniform } else { Weights::MeanValue },
-            boundary: options.side_rule.rule(),
-            corners: corners.map_or(CornerChoice::default(), CornerChoice::Given),
-        },
-        refinement: refined.then_some(refinement),
-        refine_all: options.refine == Refine::On,
-        ..SpannedMapParams::default()
-    }
 }
 
 /// Maps a disk onto the unit square and refines the map.

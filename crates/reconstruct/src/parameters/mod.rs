@@ -1,39 +1,37 @@
 //! Parameters for the points of a scan.
 
-mod boundary;
+pub(crate) mod boundary;
 mod closed;
 mod cloud;
 mod few;
 mod guard;
 mod large;
 mod layers;
+pub(crate) mod layout;
 mod mesh;
 mod network;
 mod quality;
 mod tube;
 
+use std::mem;
 use std::time::Instant;
-use std::{array, mem};
 
 use geom_io::{Scan, read_scan};
-use ndarray::{Array1, Array2, ArrayView1, Axis};
-use param_classic::map_quality;
+use ndarray::{Array1, Array2, Axis};
 use point_cloud::{
     BoundingBox, Duplicates, canonical_order, canonical_triangles, check_curve_cloud, check_surface_cloud,
     principal_axes,
 };
 
-pub(crate) use self::boundary::named_rows;
-pub use self::guard::NetworkReport;
 pub use self::layers::LayersReport;
+use self::layout::{Cloud, Layout, corners_among};
+pub use self::layout::{HoleReport, NetworkReport};
+pub(crate) use self::layout::{MIN_POINTS, extent, places_of};
 pub(crate) use self::mesh::STRAY_TRIANGLES;
-pub use self::quality::{HoleReport, ParameterReport, SeamReport, Stretch, VoidReport};
+pub use self::quality::{ParameterReport, SeamReport, Stretch, VoidReport};
 use crate::clean::{Cleaned, CleaningReport, clean};
-use crate::parameter_options::{Closed, Domain, ParameterChoice, SideRule};
+use crate::options::{Closed, Domain, ParameterChoice, SideRule};
 use crate::{Error, Event, ParameterOptions, Watch};
-
-/// Fewest points of a surface: four control points of the smallest bilinear one.
-pub(crate) const MIN_POINTS: usize = 4;
 
 /// Standard deviation of parameters across the line that they are nearest to, as a share of that along it, from which on they
 /// span a domain.
@@ -78,39 +76,6 @@ pub struct Parameterized {
     pub report: ParameterReport,
     /// What the user should know.
     pub warnings: Vec<String>,
-}
-
-/// Points that were laid out, before their quality is known. All indices are of `points`.
-#[derive(Default)]
-struct Layout {
-    points: Array2<f64>,
-    parameters: Array2<f64>,
-    /// Row of each point among those that were to be laid out.
-    rows: Vec<u32>,
-    triangles: Vec<[u32; 3]>,
-    /// Whether these triangles are those of the scan.
-    is_mesh: bool,
-    boundary: Vec<u32>,
-    holes: Vec<HoleReport>,
-    /// The points round each of them.
-    rims: Vec<Vec<u32>>,
-    corners: Option<[u32; 4]>,
-    /// Of each end of a tube the point nearest to the seam.
-    seam: Option<[u32; 2]>,
-    /// Directions that close as it was laid out by its shape.
-    closed: [bool; 2],
-    method: &'static str,
-    refined: bool,
-    /// Points that were laid out at once, where not all were.
-    subset: Option<usize>,
-    spacing: Option<f64>,
-    noise: Option<f64>,
-    reversed: bool,
-    is_height_field: bool,
-    network: Option<NetworkReport>,
-    warnings: Vec<String>,
-    /// Vertices that were made one with others.
-    merged: usize,
 }
 
 /// Reads a file, as `options.read` says, and finds parameters for its points.
@@ -274,7 +239,7 @@ fn lay_out(mut scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut
         _ => {
             tube::check(choice, given_boundary.is_some(), options)?;
             let corners = corners_among(rows, options)?;
-            let cloud = cloud::Cloud { points: scan.cloud.points, boundary: given_boundary, corners };
+            let cloud = Cloud { points: scan.cloud.points, boundary: given_boundary, corners };
             let mut layout = large::lay_out(cloud, choice, options, watch)?;
             // The triangles of a mesh tell its outside, whatever laid out its vertices.
             match scan.triangles {
@@ -313,57 +278,6 @@ fn as_they_are(
         layout.is_mesh = true;
     }
     layout
-}
-
-impl Layout {
-    /// Whether most of the triangles over the `count` points that were to be laid out are clockwise in (u, v).
-    fn runs_against(&self, triangles: &[[u32; 3]], count: usize) -> bool {
-        let mut place = vec![u32::MAX; count];
-        self.rows.iter().enumerate().for_each(|(at, &row)| place[row as usize] = at as u32);
-        let laid_out = |t: &[u32; 3]| t.map(|v| place[v as usize]);
-        let triangles: Vec<[u32; 3]> = triangles.iter().map(laid_out).filter(|t| !t.contains(&u32::MAX)).collect();
-        map_quality(self.points.view(), &triangles, self.parameters.view())
-            .is_ok_and(|quality| 2 * quality.folded.len() > quality.triangles - quality.collapsed)
-    }
-
-    /// Takes a part of the points; triangles and the boundary have to lie within it.
-    fn of_rows(&mut self, outer: &[u32]) {
-        self.rows.iter_mut().for_each(|row| *row = outer[*row as usize]);
-    }
-}
-
-/// Places among points, whose rows in the file are `rows`, of those that an option names by their rows.
-pub(crate) fn places_of(named: &[u64], rows: &[u32], option: &'static str) -> Result<Vec<u32>, Error> {
-    // Most options name few points, and rows need not increase.
-    let mut order: Vec<u32> = (0..rows.len() as u32).collect();
-    order.sort_unstable_by_key(|&at| rows[at as usize]);
-    let place = |&row: &u64| {
-        let found = order.binary_search_by_key(&row, |&at| rows[at as usize].into());
-        found.map(|k| order[k]).map_err(|_| Error::NoSuchPoint { option, row })
-    };
-    named.iter().map(place).collect()
-}
-
-/// The given corners as places among the points, whose rows in the file are `rows`.
-fn corners_among(rows: &[u32], options: &ParameterOptions) -> Result<Option<[u32; 4]>, Error> {
-    let Some(corners) = options.corners else { return Ok(None) };
-    let places = places_of(&corners.0.map(u64::from), rows, "--corners")?;
-    Ok(Some(array::from_fn(|k| places[k])))
-}
-
-/// Stretches or shrinks each column of parameters that does not wrap so that it reaches from 0 to 1; one that is constant stays.
-pub(crate) fn spread_over_square(parameters: &mut Array2<f64>, closed: [bool; 2]) {
-    for (mut column, _) in parameters.columns_mut().into_iter().zip(closed).filter(|(_, closed)| !closed) {
-        let (lower, upper) = extent(column.view());
-        if upper > lower {
-            column.mapv_inplace(|x| ((x - lower) / (upper - lower)).clamp(0.0, 1.0));
-        }
-    }
-}
-
-/// Smallest and largest number.
-pub(crate) fn extent(column: ArrayView1<'_, f64>) -> (f64, f64) {
-    column.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lower, upper), &x| (lower.min(x), upper.max(x)))
 }
 
 /// `line` tells the line of a point in the file.

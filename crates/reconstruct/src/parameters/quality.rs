@@ -4,10 +4,11 @@ use ndarray::Axis;
 use param_classic::{Distortion, Verdict, cloud_quality, map_quality, unroll};
 use serde::Serialize;
 
-use super::{LayersReport, Layout, NetworkReport, spread_over_square};
+use super::layers::LayersReport;
+use super::layout::{HoleReport, Layout, NetworkReport, spread_over_square};
 use crate::Error;
 use crate::clean::{CleaningReport, Found};
-use crate::parameter_options::{Clean, Domain};
+use crate::options::{Clean, Domain};
 
 /// Points that voids and distances are measured on, evenly taken from all. Their triangulation takes a tenth of a second.
 const MEASURED: usize = 20_000;
@@ -74,15 +75,6 @@ pub struct SeamReport {
     pub rows: [u32; 2],
     /// Their places.
     pub points: [[f64; 3]; 2],
-}
-
-/// The rim of a hole.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct HoleReport {
-    /// Points on it.
-    pub points: usize,
-    /// Its length, in the units of the input.
-    pub length: f64,
 }
 
 /// Mean and largest stretch over the triangles, the mean weighted by area on the surface.

@@ -8,10 +8,9 @@ use point_cloud::{
     find_rows, principal_axes,
 };
 
-use super::cloud::{Cloud, STRAY};
-use super::{HoleReport, Layout};
+use super::layout::{Cloud, HoleReport, Layout, STRAY};
 use crate::options::range;
-use crate::parameter_options::{Closed, Domain, ParameterChoice, Refine};
+use crate::options::{Closed, Domain, ParameterChoice, Refine};
 use crate::{Error, Event, ParameterOptions, Watch};
 
 /// Factors by which a cloud that is no tube as it lies is squeezed along its longest axis to span a mesh over it: sections of a

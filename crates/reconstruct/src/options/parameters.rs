@@ -8,9 +8,8 @@ use geom_io::ReadOptions;
 use param_classic::{Radius, Rule};
 use serde::{Serialize, Serializer};
 
+use super::typed::{ParseOptionError, named, parse_error, range, serialize_as_typed, shown, typed};
 use crate::Error;
-use crate::options::{ParseOptionError, named, parse_error, range, serialize_as_typed, typed};
-use crate::output::shown;
 
 /// How a scan is read, cleaned and laid out on the unit square.
 #[derive(Clone, Debug, PartialEq, Serialize)]
