@@ -245,9 +245,6 @@ pub(crate) struct FitArgs {
     /// Cut the holes of the data out of the faces of STEP files. The surface itself spans them.
     #[arg(long, help_heading = "What is written")]
     trim_holes: bool,
-    /// Seed of random choices, kept in the report.
-    #[arg(long, default_value_t = FitOptions::default().seed, help_heading = "What is written")]
-    seed: u64,
 }
 
 impl FitArgs {
@@ -295,7 +292,6 @@ impl FitArgs {
             all_pieces: self.layout.all_pieces(),
             units: self.units,
             flip: self.flip,
-            seed: self.seed,
             threads: self.threads,
             ..FitOptions::default()
         }

@@ -9,7 +9,9 @@ use std::process::{self, ExitCode};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Parser;
-use reconstruct::{BatchEvent, BatchOptions, BatchResult, Error, PartOutcome, PartResult, Verdict, run_batch};
+use reconstruct::{
+    BatchEvent, BatchOptions, BatchResult, Error, ErrorKind, PartOutcome, PartResult, Verdict, run_batch,
+};
 use serde::Serialize;
 
 use args::{Cli, Command, CurveArgs, FitArgs, ParamArgs};
@@ -44,20 +46,7 @@ fn main() -> ExitCode {
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             complain(&format!("{error:#}"));
-            let usage = matches!(
-                error.downcast_ref(),
-                Some(
-                    Error::OptionRange { .. }
-                        | Error::OtherMethod { .. }
-                        | Error::OutputFormat { .. }
-                        | Error::ParameterFormat { .. }
-                        | Error::CurveFormat { .. }
-                        | Error::NeedsDirectory { .. }
-                        | Error::SameName { .. }
-                        | Error::OutputTwice { .. }
-                        | Error::OutputIsInput { .. }
-                )
-            );
+            let usage = error.downcast_ref().is_some_and(|error: &Error| error.kind() == ErrorKind::Usage);
             ExitCode::from(if usage { USAGE } else { FAILED })
         }
     }

@@ -21,6 +21,7 @@ mod tessellation;
 #[cfg(test)]
 mod testing;
 mod thickness;
+mod thresholds;
 mod tilted;
 mod verdict;
 
@@ -36,5 +37,6 @@ pub use scan::Scan;
 pub use search::distance_across;
 pub use tessellation::Tessellation;
 pub use thickness::{CurvatureRadii, curvature_radii};
+pub use thresholds::Thresholds;
 pub use tilted::tilted;
-pub use verdict::{Reason, SCAN_NOT_WITHIN, Thresholds, Verdict, verdict};
+pub use verdict::{Reason, SCAN_NOT_WITHIN, Verdict, verdict};

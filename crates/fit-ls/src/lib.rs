@@ -30,6 +30,7 @@ mod boundary;
 mod cholesky;
 mod cross_validation;
 mod detect;
+mod distances;
 mod error;
 mod interpolants;
 mod kernel;

@@ -2,10 +2,9 @@
 
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use rayon::prelude::*;
-use thb_core::{BezierMap, CellSpace, HierarchicalSpace};
+use thb_core::{CellSpace, HierarchicalSpace};
 
 use crate::Error;
-use crate::kernel::distances;
 
 /// Points with parameters, kept in the order of the cells of a space. Coordinates are stored separately so that kernels
 /// read whole vectors. Memory: 8 (D + N + 1) + 8 bytes a point, with weights 8 more.
@@ -23,7 +22,7 @@ pub struct SortedPoints<const D: usize> {
 }
 
 /// Points of one parallel task; tasks are the same for any number of threads.
-const CHUNK: usize = 1 << 14;
+pub(crate) const CHUNK: usize = 1 << 14;
 
 impl<const D: usize> SortedPoints<D> {
     /// Copies points `(m, N)` with parameters `(m, D)` and weights `(m)`, in their order: sorted for one cell.
@@ -224,31 +223,6 @@ impl<const D: usize> SortedPoints<D> {
             });
         }
         self.offsets = offsets;
-        Ok(())
-    }
-
-    /// Distances of the points to a map whose cells they are sorted by, in their order.
-    ///
-    /// # Errors
-    /// [`Error::Shape`] if they are sorted for another number of cells or the dimensions differ.
-    pub fn distances(&self, map: &BezierMap<D>, out: &mut Vec<f64>) -> Result<(), Error> {
-        let shape = |what, given: usize, expected: usize| {
-            if given == expected { Ok(()) } else { Err(Error::Shape { what, given, expected }) }
-        };
-        shape("cells the points are sorted for", self.offsets.len() - 1, map.n_cells())?;
-        shape("coordinates of the map", map.dim(), self.dim())?;
-        out.resize(self.len(), 0.0);
-        let mut tasks = Vec::new();
-        let mut rest = &mut out[..];
-        for (cell, ends) in self.offsets.windows(2).enumerate() {
-            for start in (ends[0]..ends[1]).step_by(CHUNK) {
-                let end = (start + CHUNK).min(ends[1]);
-                let (part, further) = std::mem::take(&mut rest).split_at_mut(end - start);
-                tasks.push((cell, start..end, part));
-                rest = further;
-            }
-        }
-        tasks.into_par_iter().for_each(|(cell, range, part)| distances(self, range, map, cell, part));
         Ok(())
     }
 

@@ -420,7 +420,37 @@ pub enum Error {
     },
 }
 
+/// What kind of thing went wrong: who can put it right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// The caller: options that are not possible, or that do not go with each other or with the names of outputs.
+    Usage,
+    /// Whoever made the data: a file that cannot be read or written, points that cannot be laid out or fitted as asked.
+    Input,
+    /// Nobody but us: equations that could not be solved.
+    Numeric,
+}
+
 impl Error {
+    /// What kind of thing went wrong.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::OptionRange { .. }
+            | Self::OtherMethod { .. }
+            | Self::OutputFormat { .. }
+            | Self::ParameterFormat { .. }
+            | Self::CurveFormat { .. }
+            | Self::NeedsDirectory { .. }
+            | Self::SameName { .. }
+            | Self::OutputTwice { .. }
+            | Self::OutputIsInput { .. } => ErrorKind::Usage,
+            Self::Fit(fit_ls::Error::RankDeficient { .. } | fit_ls::Error::OutOfMemory { .. })
+            | Self::Moving(moving_param::Error::Minimization { .. })
+            | Self::Parameterization(param_classic::ParamError::Solve { .. }) => ErrorKind::Numeric,
+            _ => ErrorKind::Input,
+        }
+    }
+
     /// The same about points that are numbered otherwise outside: `outer` holds the number of each.
     pub(crate) fn of_rows(self, outer: &[u32]) -> Self {
         let number = |i: u32| outer[i as usize];

@@ -61,7 +61,7 @@ pub use curve::{
     CurveReport, CurveResult, Ends, KnotChoice, check_curve_outputs, fit_curve_file, fit_sequence, write_curve,
 };
 pub use deviation::{Deviation, Reason, Thresholds, Verdict};
-pub use error::Error;
+pub use error::{Error, ErrorKind};
 pub use fit::{Fit, fit_file, fit_scan};
 pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
 pub use memory::{Mesh, Points, fit};

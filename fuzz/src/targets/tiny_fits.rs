@@ -86,7 +86,6 @@ pub const CHOICES: &[(&str, &[&str])] = &[
     ("--flip", &[""]),
     ("--max-step-control-points", &["1", "20", "100"]),
     ("--trim-holes", &[""]),
-    ("--seed", &["0", "7"]),
     ("--threads", &["1"]),
     ("--height-field", &[""]),
     ("--clean", &["none", "outliers", "stray", "outliers,stray"]),

@@ -2,6 +2,7 @@
 //!
 //! Every check returns findings, sentences that name file or crate and what to do; no findings, no complaint.
 
+mod circles;
 mod dependencies;
 mod edges;
 mod files;
@@ -25,6 +26,7 @@ pub fn check(root: &Path) -> Result<Vec<String>> {
     findings.extend(licences::check(&metadata)?);
     findings.extend(files::check(root)?);
     findings.extend(fixtures::check(root)?);
+    findings.extend(circles::check(root)?);
     Ok(findings)
 }
 

@@ -58,8 +58,7 @@ fn the_report_keeps_its_layout() {
     has(input, &["file", "format", "points", "triangles", "fitted_points", "diagonal", "parameterization", "corners"]);
     assert_eq!((&input["points"], &input["triangles"]), (&169.into(), &288.into()));
     assert_eq!((&input["file"], &input["parameterization"]), (&"scan.off".into(), &"mean-value".into()));
-    let options =
-        ["method", "param", "degree", "mesh", "lambda", "tol", "within", "levels", "mark", "extension", "seed"];
+    let options = ["method", "param", "degree", "mesh", "lambda", "tol", "within", "levels", "mark", "extension"];
     has(&report["options"], &options);
     assert_eq!((&report["options"]["tol"], &report["options"]["lambda"]), (&"auto".into(), &"auto".into()));
     let result = &report["result"];

@@ -2,7 +2,10 @@
 
 use serde::Serialize;
 
-use super::text::is_blank;
+/// Whether a byte is white space within a line.
+pub(super) fn is_blank(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | 0x0b | 0x0c)
+}
 
 /// Longest number in bytes; beyond, a field is words. Twice what the longest shortest-form `f64` takes.
 const LONGEST: usize = 64;

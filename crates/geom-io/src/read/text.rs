@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::number::{NumberStyle, Value, opens_with_missing};
+use super::number::{NumberStyle, Value, is_blank, opens_with_missing};
 use crate::error::{Location, ReadErrorKind};
 
 /// Bytes at the start of a file among which control characters tell that it is no text.
@@ -184,10 +184,6 @@ impl<'a> Iterator for Fields<'a> {
         self.rest = &rest[end..];
         Some(&rest[..end]).filter(|field| !field.is_empty())
     }
-}
-
-pub(super) fn is_blank(byte: u8) -> bool {
-    matches!(byte, b' ' | b'\t' | 0x0b | 0x0c)
 }
 
 fn trim_start(text: &[u8]) -> &[u8] {

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::Graph;
 use super::distinct::{Groups, reduced};
+use super::edges::Graph;
 use super::nearest::Nearest;
 use super::tree::{Balls, LEAF, Rows, dot, order, squared_distance};
 use crate::real::{matrix, product, vectorized};

@@ -78,8 +78,6 @@ pub struct FitOptions {
     /// Whether every method is tried to its end where the choice is left open, to see what the budgets cost.
     #[serde(skip)]
     pub exhaustive: bool,
-    /// Seed of random choices, for the report: no method draws random numbers yet.
-    pub seed: u64,
     /// Number of threads of the program, 0 for one per core, for the report: the library works in the thread pool of its caller.
     pub threads: usize,
 }
@@ -114,7 +112,6 @@ impl Default for FitOptions {
             flip: false,
             policy: Policy::default(),
             exhaustive: false,
-            seed: 0,
             threads: 0,
         }
     }

@@ -1,7 +1,7 @@
 //! Lines to fields: separators, quotes, comments.
 
+use super::super::number::is_blank;
 use super::super::number::opens_with_missing;
-use super::super::text::is_blank;
 
 /// A field of a line, trimmed; of a quoted one what stands between the quotes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

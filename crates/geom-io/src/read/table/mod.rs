@@ -25,7 +25,8 @@ use self::opening::{Opening, data};
 use self::roles::Roles;
 use self::rows::read_rows;
 use super::number::Decimal;
-use super::text::{Line, Lines, has_control, is_blank, is_text, quote};
+use super::number::is_blank;
+use super::text::{Line, Lines, has_control, is_text, quote};
 use super::{Format, ReadOptions, Scan, rows as array};
 use crate::error::ReadErrorKind;
 

@@ -1,7 +1,8 @@
 //! What stands above the rows of a table: titles, names, a number of points, a declared mark of no data.
 
 use super::super::number::NumberStyle;
-use super::super::text::{Line, Lines, has_control, is_blank, parse_count};
+use super::super::number::is_blank;
+use super::super::text::{Line, Lines, has_control, parse_count};
 use super::dialect::{Dialect, filled};
 use super::fields::{Field, Separator, part_comment};
 use super::names::{Coordinates, Names};
