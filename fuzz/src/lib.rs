@@ -18,12 +18,22 @@ mod args;
 #[global_allocator]
 static ALLOCATOR: allocation::Counting = allocation::Counting;
 
+/// Makes the calling thread the only one that works, for programs which run inputs on one thread only: each handing over of work to
+/// a second thread, while this one waits, would take longer than most of the work.
+///
+/// # Panics
+/// If work was shared among threads before.
+pub fn work_on_this_thread() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
+    pool.build_global().expect("no work was shared before");
+}
+
 /// A program of libFuzzer for one target.
 #[cfg(feature = "libfuzzer")]
 #[macro_export]
 macro_rules! fuzz_program {
     ($target:ident) => {
-        libfuzzer_sys::fuzz_target!(|bytes: &[u8]| $crate::targets::$target.check(bytes));
+        libfuzzer_sys::fuzz_target!(init: $crate::work_on_this_thread(), |bytes: &[u8]| $crate::targets::$target.check(bytes));
 
         libfuzzer_sys::fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
             let change = libfuzzer_sys::fuzzer_mutate;

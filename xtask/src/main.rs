@@ -58,12 +58,18 @@ enum Arguments {
         /// Seconds of all targets in sum, by the clock.
         #[arg(long, default_value_t = 600, conflicts_with = "replay")]
         seconds: u64,
+        /// Executions of a target in all runs of the state, after which its turn ends. [default: no limit]
+        #[arg(long, conflicts_with_all = ["replay", "minimize"])]
+        executions: Option<u64>,
         /// Targets, by the names of the files in fuzz/fuzz_targets. [default: all]
         #[arg(long, value_delimiter = ',', conflicts_with = "replay")]
         targets: Vec<String>,
         /// The folder where a run goes on from the one before, target/fuzz by default.
         #[arg(long, conflicts_with = "replay")]
         state: Option<PathBuf>,
+        /// The folder of programs that were built before, which are run instead of building them.
+        #[arg(long, conflicts_with = "replay")]
+        programs: Option<PathBuf>,
         /// Instead keep, as fuzz/corpus, the fewest of the kept and the found inputs that reach as much.
         #[arg(long, conflicts_with_all = ["replay", "seconds"])]
         minimize: bool,
@@ -584,14 +590,14 @@ fn main() -> Result<()> {
             let paths = scattered::write(&spec, seed, count, &out)?;
             println!("{} clouds in {}", paths.len(), out.display());
         }
-        Arguments::Fuzz { seconds, targets, state, minimize, replay } => {
+        Arguments::Fuzz { seconds, executions, targets, state, programs, minimize, replay } => {
             let state = state.unwrap_or_else(|| root.join("target/fuzz"));
-            let fuzz = Fuzz { root: &root, targets, state };
+            let fuzz = Fuzz { root: &root, targets, state, programs };
             let say = &mut |line: &str| println!("{line}");
             match (replay, minimize) {
                 (true, _) => fuzz.replay()?,
                 (_, true) => fuzz.minimize(say)?,
-                _ => fuzz.run(seconds, say)?,
+                _ => fuzz.run(seconds, executions.unwrap_or(u64::MAX), say)?,
             }
         }
         Arguments::Tidy => {

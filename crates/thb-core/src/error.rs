@@ -50,6 +50,24 @@ pub enum Error {
         /// Its value.
         value: f64,
     },
+    /// A knot is so large that lengths between knots would overflow.
+    #[error("knot {value:e} is beyond {limit:e}")]
+    KnotRange {
+        /// The knot.
+        value: f64,
+        /// The largest absolute value of a knot.
+        limit: f64,
+    },
+    /// A span so short that quotients of lengths would overflow, or that it vanishes a period on.
+    #[error("the knot span from {lower:e} to {upper:e} is shorter than {limit:e}, the least that can be computed with")]
+    KnotSpan {
+        /// The lower end.
+        lower: f64,
+        /// The upper end.
+        upper: f64,
+        /// The shortest length of a span here.
+        limit: f64,
+    },
     /// A knot occurs too often, or an end knot not often enough.
     #[error(
         "knot {value} occurs {given} times; degree {degree} asks for {degree}+1 times at the ends and at most as often inside"

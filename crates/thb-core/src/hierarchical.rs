@@ -75,7 +75,8 @@ impl<const D: usize> HierarchicalSpace<D> {
             let coarse = &levels[levels.len() - 1];
             let fine = std::array::from_fn(|d| coarse[d].knots.refined());
             let grid = mesh.grid(levels.len());
-            if let Some(direction) = (0..D).find(|&d| fine[d].n_spans() != grid[d]) {
+            let is_short = |d: usize| fine[d].n_spans() != grid[d] || fine[d].vanishing_span().is_some();
+            if let Some(direction) = (0..D).find(|&d| is_short(d)) {
                 return Err(Error::SpanTooNarrow { direction, level: levels.len() });
             }
             levels.push(Arc::new(fine.map(Level::new)));

@@ -12,6 +12,22 @@ pub(crate) type Row = [f64; MAX_DEGREE + 1];
 /// Largest number of elements of level 0 in one direction: cell indices of the finest level must fit in 32 bits.
 const MAX_ELEMENTS: usize = 1 << 16;
 
+/// Largest absolute knot.
+///
+/// Limit: lengths and quotients of lengths stay finite.
+const LARGEST: f64 = 1e100;
+
+/// Shortest span.
+///
+/// Limit: its square is a normal number.
+const SHORTEST: f64 = 1e-150;
+
+/// Shortest span as a share of the length of the domain.
+///
+/// Limit: conversions between bases multiply coefficients by (length / span)^p at most, 10¹⁴⁴ at the largest degree, so that
+/// coefficients up to 10¹⁰⁰ stay finite. Only next to zero do floating-point numbers lie that close together.
+const SHORTEST_SHARE: f64 = 1.0 / (1_u64 << 60) as f64;
+
 /// An open knot vector: non-decreasing, end knots of multiplicity `p + 1`, inner knots of multiplicity at most `p + 1`; or
 /// a periodic one: simple knots that go on beyond both ends as they do at the other end.
 ///
@@ -38,7 +54,8 @@ impl KnotVector {
     /// An open knot vector from its knots.
     ///
     /// # Errors
-    /// [`Error::Degree`], [`Error::TooFewKnots`], [`Error::KnotOrder`], [`Error::Multiplicity`], [`Error::Elements`].
+    /// [`Error::Degree`], [`Error::TooFewKnots`], [`Error::KnotOrder`], [`Error::Multiplicity`], [`Error::Elements`],
+    /// [`Error::KnotRange`], [`Error::KnotSpan`].
     pub fn new(degree: usize, knots: Vec<f64>) -> Result<Self, Error> {
         if !(1..=MAX_DEGREE).contains(&degree) {
             return Err(Error::Degree { given: degree, limit: MAX_DEGREE });
@@ -74,6 +91,7 @@ impl KnotVector {
             let value = knots[knots.len() - 1];
             return Err(Error::Multiplicity { value, given: multiplicity, degree });
         }
+        check_lengths(&breaks)?;
         Ok(Self { degree, knots, breaks, span_knot, break_of_knot, periodic: false })
     }
 
@@ -95,7 +113,8 @@ impl KnotVector {
     ///
     /// # Errors
     /// [`Error::Degree`], [`Error::KnotOrder`], [`Error::RepeatedKnot`], [`Error::Elements`],
-    /// [`Error::TooFewPeriodicElements`] for fewer than `degree + 1` spans.
+    /// [`Error::TooFewPeriodicElements`] for fewer than `degree + 1` spans, [`Error::KnotRange`], [`Error::KnotSpan`], also
+    /// where a span vanishes a period on.
     pub fn periodic(degree: usize, breaks: Vec<f64>) -> Result<Self, Error> {
         if !(1..=MAX_DEGREE).contains(&degree) {
             return Err(Error::Degree { given: degree, limit: MAX_DEGREE });
@@ -115,7 +134,12 @@ impl KnotVector {
                 return Err(Error::RepeatedKnot { index, value });
             }
         }
-        Ok(Self::continued(degree, breaks))
+        check_lengths(&breaks)?;
+        let continued = Self::continued(degree, breaks);
+        match continued.vanishing_span() {
+            Some([lower, upper]) => Err(Error::KnotSpan { lower, upper, limit: f64::EPSILON * upper.abs() }),
+            None => Ok(continued),
+        }
     }
 
     /// The periodic knot vector with `elements` equal spans on `[0, 1]`.
@@ -138,6 +162,12 @@ impl KnotVector {
         let knots = before.chain(breaks.iter().copied()).chain(after).collect();
         let span_knot = (degree..degree + n).collect();
         Self { degree, knots, breaks, span_knot, break_of_knot: Vec::new(), periodic: true }
+    }
+
+    /// The ends of a span of a periodic vector that round-off leaves without length, there or a period on.
+    pub(crate) fn vanishing_span(&self) -> Option<[f64; 2]> {
+        let mut pairs = self.knots.windows(2).filter(|_| self.periodic);
+        pairs.find(|pair| pair[0] >= pair[1]).map(|pair| [pair[0], pair[1]])
     }
 
     /// The open knot vector with the same breaks: its splines include those of a periodic vector, cut at the seam. An
@@ -421,6 +451,19 @@ impl KnotVector {
         let mu = self.span_knot[span];
         let first = (mu - p) as isize + turns * self.n_spans() as isize;
         (first, discrete_bsplines(&self.knots, mu, p, |r| fine.knots[start + 1 + r]))
+    }
+}
+
+/// Checks sizes of increasing breaks, of which there are two or more.
+fn check_lengths(breaks: &[f64]) -> Result<(), Error> {
+    let (first, last) = (breaks[0], breaks[breaks.len() - 1]);
+    if let Some(&value) = [first, last].iter().find(|end| end.abs() > LARGEST) {
+        return Err(Error::KnotRange { value, limit: LARGEST });
+    }
+    let limit = (SHORTEST_SHARE * (last - first)).max(SHORTEST);
+    match breaks.windows(2).find(|pair| pair[1] - pair[0] < limit) {
+        Some(pair) => Err(Error::KnotSpan { lower: pair[0], upper: pair[1], limit }),
+        None => Ok(()),
     }
 }
 

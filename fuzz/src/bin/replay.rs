@@ -12,6 +12,7 @@ use fuzz::bounds;
 use fuzz::targets::{ALL, Target};
 
 fn main() -> ExitCode {
+    fuzz::work_on_this_thread();
     let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
     let (only, files): (Option<&OsStr>, &[PathBuf]) = match arguments.split_first() {
         Some((first, files)) if !first.is_dir() => (Some(first.as_os_str()), files),

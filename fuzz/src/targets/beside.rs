@@ -1,6 +1,7 @@
 //! Files that stand beside a scan: markers, an outline, a mask, parameters to evaluate.
 
 use std::ops::ControlFlow;
+use std::sync::LazyLock;
 
 use geom_io::{Format, ReadOptions, Scan, parse_scan};
 use reconstruct::{FitOptions, MarkerChoice, Method, ParameterOptions, ReweightingOptions, eval_model, fit_scan};
@@ -9,7 +10,7 @@ use super::{files, messages};
 use crate::bounds::{Bounds, bounded};
 
 /// Points along a side of the scan.
-const SIDE: usize = 6;
+const SIDE: usize = 5;
 
 /// A model with one cell, z = u v.
 const MODEL: &str = include_str!("../../corpus/models/bilinear.json");
@@ -28,15 +29,15 @@ pub(super) fn run(bytes: &[u8]) {
         let markers = Some(MarkerChoice::File(path.clone()));
         let reweighting = ReweightingOptions { markers, ..ReweightingOptions::default() };
         let options = FitOptions { method: Method::Ls, levels: 1, reweighting, ..FitOptions::default() };
-        told(fit_scan(scan(true), "markers", &options, quiet));
+        told(fit_scan(SCANS[1].clone(), "markers", &options, quiet));
         let options = ParameterOptions { outline: Some(path.clone()), ..ParameterOptions::default() };
-        told(reconstruct::parameterize(scan(false), &options, quiet));
+        told(reconstruct::parameterize(SCANS[0].clone(), &options, quiet));
     });
     drop(text);
     let mask = files::Temporary::new("asc", bytes);
     bounded(bounds, || {
         let options = ParameterOptions { mask: Some(mask.path().to_owned()), ..ParameterOptions::default() };
-        told(reconstruct::parameterize(scan(true), &options, quiet));
+        told(reconstruct::parameterize(SCANS[1].clone(), &options, quiet));
     });
     drop(mask);
     let (parameters, model) = (files::Temporary::new("csv", bytes), files::Temporary::new("json", MODEL.as_bytes()));
@@ -47,6 +48,9 @@ pub(super) fn run(bytes: &[u8]) {
         }
     });
 }
+
+/// The sheet without parameters, and with.
+static SCANS: LazyLock<[Scan; 2]> = LazyLock::new(|| [false, true].map(scan));
 
 /// A sheet of few points, with parameters or without.
 fn scan(with_parameters: bool) -> Scan {

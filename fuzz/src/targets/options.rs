@@ -2,8 +2,9 @@
 
 use std::fmt::{Debug, Display};
 use std::str::FromStr;
+use std::sync::{LazyLock, Mutex};
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use reconstruct::{
     BlendChoice, ClosedChoice, CornerChoice, Crop, CurveParameters, Ends, GivenCorners, KnotChoice, LambdaChoice,
     LossChoice, Mark, MarkerChoice, Method, Pair, ParameterChoice, RadiusChoice, Tolerance, UpdateChoice,
@@ -20,13 +21,21 @@ const BYTES: usize = 1 << 14;
 pub(super) fn run(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     bounded(Bounds::of_reading(BYTES + bytes.len(), BYTES + bytes.len()), || {
-        match Cli::try_parse_from(std::iter::once("thb").chain(text.lines())) {
+        match parse(std::iter::once("thb").chain(text.lines())) {
             Ok(cli) => check(cli.command),
             // Help and usage have several lines.
             Err(error) => assert!(!error.to_string().trim().is_empty(), "a message is empty"),
         }
         values(&text);
     });
+}
+
+/// What the program makes of what is typed. The list of options is kept: making it takes far longer than what is done with it.
+fn parse<'a>(typed: impl Iterator<Item = &'a str>) -> Result<Cli, clap::Error> {
+    static COMMAND: LazyLock<Mutex<clap::Command>> = LazyLock::new(|| Mutex::new(Cli::command()));
+    let mut command = COMMAND.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let matches = command.try_get_matches_from_mut(typed)?;
+    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
 }
 
 fn check(command: Command) {

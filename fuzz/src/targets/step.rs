@@ -14,6 +14,9 @@ use crate::bounds::{Bounds, bounded};
 /// Bytes that a file may stand for: what is bounded is the cost of a face.
 const BYTES: usize = 1 << 18;
 
+/// Functions up to which a space is refined further: larger ones take long, and nothing else happens in them.
+const FUNCTIONS: usize = 200;
+
 /// The next byte, 0 after the last one.
 struct Bytes<'a>(std::slice::Iter<'a, u8>);
 
@@ -87,7 +90,7 @@ fn space<const D: usize>(bytes: &mut Bytes<'_>) -> Option<HierarchicalSpace<D>> 
         };
         let cells: Vec<usize> = (0..=bytes.below(3)).map(|_| bytes.next() % space.n_cells()).collect();
         let finer = space.refine(&cells, &refinement).ok()?;
-        if finer.n_functions() > 600 {
+        if finer.n_functions() > FUNCTIONS {
             break;
         }
         space = finer;

@@ -39,14 +39,17 @@ pub struct Fuzz<'a> {
     pub targets: Vec<String>,
     /// The folder of the state, which need not exist.
     pub state: PathBuf,
+    /// The folder of programs of libFuzzer that were built before; `None` to build them.
+    pub programs: Option<PathBuf>,
 }
 
 impl Fuzz<'_> {
-    /// Runs the targets in turn, all in so many seconds, and adds what they did to the results.
+    /// Runs the targets in turn, all in so many seconds and each up to so many executions of the state, and adds what they did to
+    /// the results.
     ///
     /// # Errors
     /// What building, running and writing meet; inputs that failed are no error.
-    pub fn run(&self, seconds: u64, say: &mut dyn FnMut(&str)) -> Result<()> {
+    pub fn run(&self, seconds: u64, executions: u64, say: &mut dyn FnMut(&str)) -> Result<()> {
         let targets = self.chosen()?;
         let programs = self.build(&targets)?;
         let path = self.root.join(RESULTS);
@@ -62,7 +65,7 @@ impl Fuzz<'_> {
             };
             let of_history = self.made(&["history"])?.join(format!("{target}.tsv"));
             let mut history = History::read(&of_history)?;
-            let outcome = session.run(seconds / targets.len() as u64, &mut history)?;
+            let outcome = session.run(seconds / targets.len() as u64, executions, &mut history)?;
             history.write(&of_history)?;
             // Another run may have written meanwhile.
             let mut results = Results::read(&path)?;
@@ -134,8 +137,11 @@ impl Fuzz<'_> {
         Ok(if self.targets.is_empty() { all } else { self.targets.clone() })
     }
 
-    /// Builds programs of libFuzzer; gives their folder.
+    /// Builds programs of libFuzzer, unless they are there; gives their folder.
     fn build(&self, targets: &[String]) -> Result<PathBuf> {
+        if let Some(programs) = &self.programs {
+            return Ok(programs.clone());
+        }
         let host = host()?;
         let mut arguments = ["--profile", PROFILE, "--target", &host].map(str::to_owned).to_vec();
         arguments.extend(targets.iter().flat_map(|target| ["--bin".to_owned(), target.clone()]));

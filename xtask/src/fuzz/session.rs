@@ -51,17 +51,17 @@ pub(super) struct Outcome {
 }
 
 impl Session {
-    /// Runs for so many seconds, again after inputs that fail.
-    pub(super) fn run(&self, seconds: u64, history: &mut History) -> Result<Outcome> {
+    /// Runs for so many seconds, or until all runs have done so many executions; again after inputs that fail.
+    pub(super) fn run(&self, seconds: u64, most: u64, history: &mut History) -> Result<Outcome> {
         let mut outcome = Outcome::default();
         let start = Instant::now();
         while outcome.failures < MOST_FAILURES {
             let left = seconds.saturating_sub(start.elapsed().as_secs());
-            if left == 0 {
+            if left == 0 || history.executions() >= most {
                 break;
             }
             let (before, first) = (seconds_of_children(), history.executions());
-            let (executions, is_failed) = self.run_once(left, history)?;
+            let (executions, is_failed) = self.run_once(left, most, history)?;
             outcome.executions += executions;
             let used = match (before, seconds_of_children()) {
                 (Some(before), Some(after)) => after - before,
@@ -77,12 +77,14 @@ impl Session {
     }
 
     /// Runs until an input fails; gives the executions and whether one did.
-    fn run_once(&self, seconds: u64, history: &mut History) -> Result<(u64, bool)> {
+    fn run_once(&self, seconds: u64, most: u64, history: &mut History) -> Result<(u64, bool)> {
         let mut program = Command::new(&self.program);
         program.arg(&self.corpus).args(&self.inputs);
         // Each run draws other numbers, which only follow from what was run before.
         program.arg(format!("-seed={}", 1 + history.runs()));
         program.args([format!("-max_total_time={seconds}"), format!("-timeout={TIMEOUT}")]);
+        // libFuzzer takes 32 bits, and 0 or less for no limit.
+        program.arg(format!("-runs={}", (most - history.executions()).min(i32::MAX as u64)));
         program.args([format!("-rss_limit_mb={MEMORY}"), "-print_final_stats=1".to_owned()]);
         program.arg(joined("-artifact_prefix=", &self.failures.join("")));
         program.args(self.dictionary.iter().map(|path| joined("-dict=", path)));

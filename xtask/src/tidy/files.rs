@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
-/// Folders of the workspace that hold no sources.
+/// Folders of the workspace that hold no sources; in a worktree of Git `.git` is a file.
 const SKIPPED: [&str; 4] = [".git", "target", "docs/book", "fuzz/target"];
 
 /// Every clone pays for large files, for ever.
@@ -48,7 +48,10 @@ pub(super) fn files(folder: &Path) -> Result<Vec<PathBuf>> {
         for entry in std::fs::read_dir(&inner).with_context(|| format!("cannot list {}", inner.display()))? {
             let entry = entry?;
             let (path, kind) = (entry.path(), entry.file_type()?);
-            if kind.is_dir() && !SKIPPED.iter().any(|skipped| relative(folder, &path) == Path::new(skipped)) {
+            if SKIPPED.iter().any(|skipped| relative(folder, &path) == Path::new(skipped)) {
+                continue;
+            }
+            if kind.is_dir() {
                 open.push(path);
             } else if kind.is_file() && path.extension() != Some(OsStr::new("tmp")) {
                 files.push(path);
@@ -111,6 +114,6 @@ mod tests {
         let root = crate::workspace_root();
         let files = files(&root).unwrap();
         assert!(files.contains(&root.join("xtask/src/tidy/files.rs")));
-        assert!(!files.iter().any(|path| path.starts_with(root.join("target"))));
+        assert!(!files.iter().any(|path| path.starts_with(root.join("target")) || path.starts_with(root.join(".git"))));
     }
 }

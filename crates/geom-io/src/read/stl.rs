@@ -34,13 +34,18 @@ pub(super) fn read(bytes: &[u8]) -> Result<Scan, ReadErrorKind> {
     }
 }
 
-/// The triangles that the count announces; those that there are where it is 0, the largest number, or less than what fills
-/// the file, as programs write that make the header first. More than there are is a file that was cut off.
+/// The triangles that the count announces; those that there are where it is 0, the largest number, or less than what follows,
+/// as programs write that make the header first. More than there are is a file that was cut off.
 fn read_binary(bytes: &[u8], announced: usize) -> Result<Scan, ReadErrorKind> {
     let (records, rest) = bytes.as_chunks::<RECORD>();
     let is_unknown = announced == UNKNOWN_COUNT || announced == 0;
-    let is_too_small = announced < records.len() && rest.is_empty() && records[announced..].iter().all(is_triangle);
-    let count = if is_unknown || is_too_small { records.len() } else { announced };
+    let count = match records.get(announced..) {
+        _ if is_unknown => records.len(),
+        Some(further) if rest.is_empty() && further.iter().all(is_triangle) => records.len(),
+        // Other bytes stand at the end: there is less to tell triangles by, so their normals must be such, too.
+        Some(further) => announced + further.iter().take_while(|r| is_triangle(r) && has_normal(r)).count(),
+        None => announced,
+    };
     if records.len() < count {
         return Err(ReadErrorKind::Truncated { element: "triangle".to_owned(), expected: count, found: records.len() });
     }
@@ -50,14 +55,21 @@ fn read_binary(bytes: &[u8], announced: usize) -> Result<Scan, ReadErrorKind> {
     }
     let mut scan = separate_triangles(coordinates)?;
     if count != announced && count > 0 {
-        scan.notes
-            .push(format!("the header announces {announced} triangles; the {count} that fill the file were read"));
+        scan.notes.push(format!("the header announces {announced} triangles; the {count} that are there were read"));
     }
     let surplus = bytes.len() - count * RECORD;
     if surplus > 0 {
         scan.notes.push(format!("{surplus} bytes after the last triangle were ignored"));
     }
     Ok(scan)
+}
+
+/// Whether a record that can be a triangle has a normal of length 1, or none, as many programs write; zeros alone only fill up a file.
+fn has_normal(record: &[u8; RECORD]) -> bool {
+    let (numbers, _) = record.as_chunks::<4>();
+    let normal: [f32; 3] = std::array::from_fn(|k| f32::from_le_bytes(numbers[k]));
+    let length = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
+    (length == 0.0 || (length - 1.0).abs() < 1e-3) && record.iter().any(|&byte| byte != 0)
 }
 
 /// The nine coordinates of a triangle, behind its normal.

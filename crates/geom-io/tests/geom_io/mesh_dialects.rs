@@ -164,6 +164,14 @@ fn binary_stl_is_as_long_as_it_is() {
                 sheet.is_soup(&scan);
                 assert!(scan.notes.last().unwrap().contains("after the last triangle"), "{:?}", scan.notes);
             }
+            // The count is too small, and other bytes stand at the end: fewer than a triangle has, text, zeros.
+            for rest in
+                [&b"end"[..], b"exported by a program, with four views of the part and its colours, in 2026", &[0; 120]]
+            {
+                let scan = read(Format::Stl, [&sheet.stl(title, 1), rest].concat());
+                sheet.is_soup(&scan);
+                assert_eq!(scan.notes.len(), 1 + usize::from(count > 1), "{:?}", scan.notes);
+            }
             let cut = fail_or_read(Format::Stl, sheet.stl(title, count + 1));
             assert!(matches!(cut, Err(ReadErrorKind::Truncated { .. })), "{cut:?}");
         }

@@ -273,6 +273,13 @@ fn too_few_elements_and_repeated_knots_are_typed_errors() {
     assert!(matches!(KnotVector::periodic(1, vec![0.0, 0.5, 0.5, 1.0]), Err(Error::RepeatedKnot { index: 2, .. })));
     assert!(matches!(KnotVector::periodic(1, vec![0.0, 0.5, 0.4, 1.0]), Err(Error::KnotOrder { index: 2, .. })));
     assert!(matches!(KnotVector::periodic(1, vec![0.0, f64::NAN, 1.0]), Err(Error::KnotOrder { index: 1, .. })));
+    // Round-off leaves nothing of the first span a period on, or of its halves.
+    let vanishing = KnotVector::periodic(1, vec![0.0, 1e-17, 0.5, 1.0]);
+    assert!(matches!(vanishing, Err(Error::KnotSpan { .. })), "{vanishing:?}");
+    let narrow = KnotVector::periodic(1, vec![0.0, f64::EPSILON, 0.5, 1.0]).unwrap();
+    let space = HierarchicalSpace::new(Kind::Thb, [narrow]).unwrap();
+    let halved = space.refine(&[0], &Refinement::default());
+    assert!(matches!(halved, Err(Error::SpanTooNarrow { direction: 0, level: 1 })), "{halved:?}");
     let closed = [knots(2, 4, false), knots(2, 4, true)];
     assert!(matches!(TensorSpace::new(closed.clone()), Err(Error::PeriodicKnots { direction: 1 })));
     let (closed, open) = (

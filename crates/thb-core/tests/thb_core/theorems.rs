@@ -336,6 +336,15 @@ fn bad_knots_and_parameters_are_typed_errors() {
     let many = (0..=70_000).map(f64::from);
     let many = [0.0].into_iter().chain(many).chain([70_000.0]).collect();
     assert!(matches!(KnotVector::new(1, many), Err(Error::Elements { given: 70_000, .. })));
+    for (inner, upper) in [(f64::MIN_POSITIVE, 1.0), (1e-19, 1.0), (1.0, 1e20), (1e-151, 2e-151)] {
+        let short = KnotVector::new(1, vec![0.0, 0.0, inner, upper, upper]);
+        assert!(matches!(short, Err(Error::KnotSpan { .. })), "{inner:e} of {upper:e}: {short:?}");
+    }
+    assert!(KnotVector::new(1, vec![0.0, 0.0, 1e-18, 1.0, 1.0]).is_ok());
+    for end in [1e101, f64::MAX] {
+        let large = KnotVector::new(1, vec![-end, -end, end, end]);
+        assert!(matches!(large, Err(Error::KnotRange { .. })), "{end:e}: {large:?}");
+    }
     // No number lies between the inner knots.
     let narrow = KnotVector::new(1, vec![0.0, 0.0, 0.3, 0.3_f64.next_up(), 1.0, 1.0]).unwrap();
     let space = HierarchicalSpace::new(Kind::Thb, [even, narrow]).unwrap();
