@@ -8,10 +8,10 @@ use rayon::prelude::*;
 use thb_core::{BezierMap, SmallCholesky, SplineMap};
 
 use crate::Error;
-use crate::anchor::Anchor;
-use crate::constraint::Constraints;
-use crate::foot_point::{check, point};
-use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
+use crate::points::constraint::Constraints;
+use crate::points::foot_point::{check, point};
+use crate::points::patch::{MAX_DIM, Patch, Vector, difference, dot};
+use crate::terms::springs::Anchor;
 
 /// Residual `s(u) − p` and tangents of the map at one point.
 #[derive(Clone, Copy, Debug)]

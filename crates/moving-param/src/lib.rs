@@ -50,34 +50,20 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod alternating;
-mod anchor;
-mod between;
-mod constraint;
-mod descent;
 mod error;
-mod fold;
-mod foot_point;
 mod frame;
-mod jacobian;
-mod joint;
-mod lbfgs;
+mod methods;
 mod moving;
 mod options;
-mod patch;
-mod place;
-mod quasi;
-mod regularity;
-mod rings;
-mod samples;
-mod square_map;
+mod points;
+mod safeguards;
 mod system;
-mod unknowns;
+mod terms;
 
-pub use constraint::{Boundary, Constraints};
-pub use descent::Descent;
 pub use error::Error;
-pub use foot_point::{FootPointOptions, FootPointReport, FootPoints, Start, foot_points, project};
+pub use methods::quasi::{MovingQuasi, QuasiOptions};
 pub use moving::{Moves, MovingFit};
 pub use options::{Blend, Distance, JointOptions, Method, Options, Schedule, SquareMapOptions};
-pub use quasi::{MovingQuasi, QuasiOptions};
+pub use points::constraint::{Boundary, Constraints};
+pub use points::descent::Descent;
+pub use points::foot_point::{FootPointOptions, FootPointReport, FootPoints, Start, foot_points, project};

@@ -8,14 +8,14 @@ use fit_ls::{LeastSquares, SortedPoints, Weighted};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
-use crate::anchor::Anchor;
-use crate::between::RimEdge;
-use crate::constraint::Constraints;
-use crate::fold::Triangles;
-use crate::foot_point::{FootPoints, foot_points};
-use crate::place::placed;
-use crate::square_map::SquareMap;
+use crate::methods::square_map::SquareMap;
+use crate::points::constraint::Constraints;
+use crate::points::foot_point::{FootPoints, foot_points};
+use crate::points::place::placed;
+use crate::safeguards::flipping_triangles::Triangles;
 use crate::system::StepSystem;
+use crate::terms::springs::Anchor;
+use crate::terms::triangle_centres::RimEdge;
 use crate::{Boundary, Error, FootPointReport, Method, Options};
 
 /// What happened to the parameters in one space.
@@ -81,8 +81,8 @@ impl<const D: usize> MovingFit<D> {
         options: Options,
     ) -> Result<Self, Error> {
         let fit = LeastSquares::new(parameters, points, weights, fit)?;
-        if points.ncols() > crate::patch::MAX_DIM {
-            return Err(Error::Dimension { given: points.ncols(), limit: crate::patch::MAX_DIM });
+        if points.ncols() > crate::points::patch::MAX_DIM {
+            return Err(Error::Dimension { given: points.ncols(), limit: crate::points::patch::MAX_DIM });
         }
         options.check(D, points.ncols(), points.nrows())?;
         Ok(Self {

@@ -7,9 +7,9 @@ use ndarray::Array2;
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, SymmetricPattern};
 
 use crate::Error;
-use crate::foot_point::point;
 use crate::frame::{Frame, frames};
-use crate::patch::{Vector, cross, difference, dot, unit};
+use crate::points::foot_point::point;
+use crate::points::patch::{Vector, cross, difference, dot, unit};
 
 /// Adds `½ Σ r_tᵀ W_t r_t`, `r_t = s(u_t) − p_t`, to the objective of the joint method: `p_t` are the centres of triangles
 /// over the points and of the edges of their rim, `u_t` those of their parameters. `W_t` holds a centre across its triangle

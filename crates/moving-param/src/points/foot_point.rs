@@ -9,11 +9,11 @@ use rayon::prelude::*;
 use thb_core::{BezierMap, CellSpace, ClosestPoints, HierarchicalSpace, SplineMap};
 
 use crate::Error;
-use crate::anchor::Anchor;
-use crate::constraint::Constraints;
-use crate::descent::{Descent, DescentState, Local};
-use crate::patch::{MAX_DIM, Patch, Vector, difference, dot};
-use crate::samples::Samples;
+use crate::points::constraint::Constraints;
+use crate::points::descent::{Descent, DescentState, Local};
+use crate::points::patch::{MAX_DIM, Patch, Vector, difference, dot};
+use crate::points::samples::Samples;
+use crate::terms::springs::Anchor;
 
 /// Where the search for a foot point starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

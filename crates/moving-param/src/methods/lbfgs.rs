@@ -9,11 +9,11 @@ use argmin::solver::quasinewton::LBFGS;
 use argmin_math as _;
 use thb_core::{SplineMap, SymmetricMatrix, transfer};
 
-use crate::foot_point::point;
+use crate::methods::unknowns::{Place, Unknowns, basis_sums, jets};
 use crate::moving::{Moves, MovingFit};
-use crate::patch::{Vector, difference, dot};
-use crate::place::cells_of;
-use crate::unknowns::{Place, Unknowns, basis_sums, jets};
+use crate::points::foot_point::point;
+use crate::points::patch::{Vector, difference, dot};
+use crate::points::place::cells_of;
 use crate::{Error, Schedule};
 
 /// Corrections of the inverse Hessian that are kept (Imperatore 2024, Remark 27).
@@ -156,7 +156,7 @@ mod tests {
 
     use super::*;
     use crate::Boundary;
-    use crate::constraint::Constraints;
+    use crate::points::constraint::Constraints;
     use crate::system::StepSystem;
     use fit_ls::SortedPoints;
     use ndarray::Array2;

@@ -15,10 +15,10 @@ use rayon::prelude::*;
 use thb_core::{CellSpace, HierarchicalSpace, KnotVector, SplineMap, SymmetricMatrix, bernstein};
 
 use crate::frame::{Frame, frames};
-use crate::jacobian::{Jacobian, Samples};
 use crate::moving::{Moves, MovingFit};
-use crate::patch::dot;
-use crate::place::cells_of;
+use crate::points::patch::dot;
+use crate::points::place::cells_of;
+use crate::terms::map_barrier::{Jacobian, Samples};
 use crate::{Error, SquareMapOptions};
 
 /// Degree of the map, unless it has too few control points.

@@ -4,8 +4,8 @@ use fit_ls::SortedPoints;
 use rayon::prelude::*;
 use thb_core::SmallCholesky;
 
-use crate::foot_point::point;
-use crate::patch::{Vector, difference, dot};
+use crate::points::foot_point::point;
+use crate::points::patch::{Vector, difference, dot};
 
 /// Share of the variance of a ring that is added to each direction: it keeps the slopes of one-sided and of flat rings, which have
 /// no variance along their normal, small.

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use thb_core::{CellSpace, HierarchicalSpace, MAX_DEGREE, SplineMap, bernstein};
 
 use crate::Error;
-use crate::constraint::Constraints;
 use crate::frame::{Frame, Share, columns, frames};
-use crate::patch::{Jet, Patch, Vector};
+use crate::points::constraint::Constraints;
+use crate::points::patch::{Jet, Patch, Vector};
 use crate::system::StepSystem;
 
 /// Points of one parallel task; sums are formed task by task.

@@ -7,14 +7,14 @@
 
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, transfer};
 
-use crate::anchor::Anchor;
-use crate::between::{Between, rim};
-use crate::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from, seek_anew};
 use crate::frame::{Frame, Share, columns, frames};
 use crate::moving::{Moves, MovingFit};
-use crate::patch::dot;
-use crate::regularity::{self, Regularity, Sheet};
+use crate::points::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from, seek_anew};
+use crate::points::patch::dot;
 use crate::system::StepSystem;
+use crate::terms::lost_area::{Regularity, Sheet, step};
+use crate::terms::springs::Anchor;
+use crate::terms::triangle_centres::{Between, rim};
 use crate::{Error, JointOptions};
 
 /// Damping of the first step.
@@ -182,7 +182,7 @@ impl<const D: usize> MovingFit<D> {
                 if let Some((_, further)) = &held {
                     equations.merge(further)?;
                 }
-                if let Some((trial, folds)) = regularity::step(system, &equations, &map, sheet.as_ref())? {
+                if let Some((trial, folds)) = step(system, &equations, &map, sheet.as_ref())? {
                     let found = self.follow(&trial, &frames, *damping, options.polish, moves)?;
                     let parameter = |at: usize| found.parameters[at];
                     let new = squares(&found.distances, &weights)

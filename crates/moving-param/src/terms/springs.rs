@@ -8,8 +8,8 @@ use thb_core::{CellSpace, HierarchicalSpace};
 
 use crate::JointOptions;
 use crate::frame::Frame;
-use crate::patch::dot;
-use crate::rings::Rings;
+use crate::points::patch::dot;
+use crate::terms::neighbour_weights::Rings;
 
 /// Adds `½ Σ ω_i (u_i − a_i)ᵀ diag(k_i) (u_i − a_i)` to the objective of a step of the joint method: a weak spring from each parameter
 /// to where it started, and a stronger one to where it would be had it moved as its neighbours have, put together in one.

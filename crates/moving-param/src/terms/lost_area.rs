@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, SymmetricMatrix, bernstein};
 
 use crate::Error;
-use crate::patch::{Vector, cross, dot, unit};
+use crate::points::patch::{Vector, cross, dot, unit};
 use crate::system::{StepSystem, stepped};
 
 /// Samples per direction and cell, those at its ends included: surfaces crease where knot lines lose their area first. Folds

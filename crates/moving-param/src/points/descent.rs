@@ -2,7 +2,7 @@
 
 use thb_core::SmallCholesky;
 
-use crate::patch::{Jet, Vector, difference, dot};
+use crate::points::patch::{Jet, Vector, difference, dot};
 
 /// How the squared distance is minimized. The others are there to be compared with.
 #[derive(Clone, Copy, Debug, PartialEq)]

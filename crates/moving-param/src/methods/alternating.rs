@@ -5,7 +5,7 @@ use thb_core::SplineMap;
 
 use crate::frame::{Frame, Share, columns, frames};
 use crate::moving::{Moves, MovingFit};
-use crate::patch::dot;
+use crate::points::patch::dot;
 use crate::system::{boundary_functions, stepped};
 use crate::{Blend, Distance, Error};
 

@@ -1,0 +1,3 @@
+//! What shortens or refuses a step after it is known.
+
+pub(crate) mod flipping_triangles;
