@@ -1,6 +1,6 @@
 //! The bounding box.
 
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
+use ndarray::{Array1, ArrayView1, ArrayView2};
 
 use crate::CloudError;
 

@@ -65,7 +65,6 @@ pub use error::{Error, ErrorKind};
 pub use fit::{Fit, fit_file, fit_scan};
 pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
 pub use memory::{Mesh, Points, fit};
-pub use methods::JOINT;
 pub use methods::QuasiReport;
 pub use methods::ReweightingReport;
 pub use options::{

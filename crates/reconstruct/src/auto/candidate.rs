@@ -7,7 +7,6 @@ use moving_param::JointOptions;
 use serde::Serialize;
 
 use crate::attempt::Attempt;
-use crate::methods::JOINT;
 use crate::options::Method;
 
 /// A way to fit that may be tried.
@@ -35,8 +34,8 @@ impl Candidate {
 
     pub(super) fn joint(self) -> JointOptions {
         match self {
-            Self::Fixed | Self::Moving => JOINT,
-            Self::MovingFreely => JointOptions { cohesion: 0.0, ..JOINT },
+            Self::Fixed | Self::Moving => JointOptions::DEFAULT,
+            Self::MovingFreely => JointOptions { cohesion: 0.0, ..JointOptions::DEFAULT },
         }
     }
 

@@ -9,13 +9,14 @@ use std::time::Instant;
 
 use adaptive::{Iteration, Stop};
 use deviation::{Verdict, tilted};
+use moving_param::JointOptions;
 use ndarray::{Array2, ArrayView2};
 use point_cloud::LocalFrames;
 use serde::Serialize;
 use thb_core::{CellSpace, SplineMap};
 
 use crate::attempt::{Attempt, CREASE_SAMPLES, attempt};
-use crate::methods::{self, Fitted, JOINT, Task};
+use crate::methods::{self, Fitted, Task};
 use crate::options::{LambdaChoice, Method};
 use crate::{Error, Event, FitOptions, Watch};
 use budget::{Budget, Limits};
@@ -77,7 +78,7 @@ impl Tried {
 pub(crate) fn fit(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) -> Result<Chosen, Error> {
     if options.method != Method::Auto {
         let _ = watch(Event::Step(Candidate::Fixed.step()));
-        return Ok(Chosen { attempt: attempt(&JOINT, task, options, watch)?, tried: Vec::new() });
+        return Ok(Chosen { attempt: attempt(&JointOptions::DEFAULT, task, options, watch)?, tried: Vec::new() });
     }
     let mut trials = Trials::new(task.clone(), options);
     trials.run(Candidate::Fixed, watch)?;

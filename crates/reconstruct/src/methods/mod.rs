@@ -15,7 +15,6 @@ use thb_core::Refinement;
 use crate::options::Method;
 use crate::{Error, FitOptions};
 
-pub use moving::JOINT;
 pub use quasi_report::QuasiReport;
 pub(crate) use reweighting::robust_diagonal;
 pub use reweighting_report::ReweightingReport;

@@ -12,25 +12,6 @@ use crate::options::{BlendChoice, Method};
 use crate::problem::{Problem, errors_at};
 use crate::{Error, FitOptions};
 
-/// Stiffness of the springs that hold moving parameters where they started. Parameters laid out well need to move little;
-/// without springs they open voids between them. Of 0, 1e-4 and 1e-3, on 14 scans, this needed the fewest control points
-/// at 0.5 %, and all three about as many at 0.1 %.
-const STIFFNESS: f64 = 1e-4;
-
-/// Stiffness of the springs between neighbours.
-///
-/// Calibrated: of 0, 0.01, 0.03 and 0.1 by `cargo xtask corpus --methods joint` on the scans of `xtask/corpus.txt` up to `thbs_face_random.xyz`
-/// at 0.5 %, this left one of 23 surfaces that fails (0.1 left three, 0 two) with 0.94 of the control points of 0.1.
-const COHESION: f64 = 0.03;
-
-/// Weight of the centres of triangles between points. Of 0.03, 0.1 and 0.3, on seven scans at 0.5 % and 0.1 %, this left the
-/// fewest sharp turns for about the same control points; 0 leaves two to four times as many.
-const BETWEEN: f64 = 0.3;
-
-/// The joint method: without rounds of emphasis in a fit that may leave points out, without cohesion in one that may not.
-pub const JOINT: JointOptions =
-    JointOptions { stiffness: STIFFNESS, cohesion: COHESION, between: BETWEEN, ..JointOptions::DEFAULT };
-
 /// A fit whose parameters move, before it begins.
 pub(super) fn solver(
     method: moving_param::Method,

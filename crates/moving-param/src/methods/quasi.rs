@@ -9,10 +9,10 @@ use fit_qi::{QuasiInterpolation, Work};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use thb_core::{HierarchicalSpace, Mark, Refinement, SplineMap};
 
-use crate::constraint::Constraints;
-use crate::foot_point::{FootPoints, foot_points};
 use crate::moving::{Measure, Moves};
-use crate::place::placed;
+use crate::points::constraint::Constraints;
+use crate::points::foot_point::{FootPoints, foot_points};
+use crate::points::place::placed;
 use crate::{Boundary, Error, FootPointOptions};
 
 /// How parameters move.
@@ -80,8 +80,8 @@ impl<const D: usize> MovingQuasi<D> {
         options: QuasiOptions,
     ) -> Result<Self, Error> {
         let method = QuasiInterpolation::new(parameters, points, weights, local)?;
-        if points.ncols() > crate::patch::MAX_DIM {
-            return Err(Error::Dimension { given: points.ncols(), limit: crate::patch::MAX_DIM });
+        if points.ncols() > crate::points::vector::MAX_DIM {
+            return Err(Error::Dimension { given: points.ncols(), limit: crate::points::vector::MAX_DIM });
         }
         if options.tolerance.is_nan() || options.tolerance < 0.0 {
             return Err(Error::Option { name: "tolerance", value: options.tolerance, allowed: "at least 0" });
