@@ -27,7 +27,7 @@
 //! ```
 //! use std::{ops::ControlFlow, sync::Arc};
 //! use fit_ls::Lambda;
-//! use moving_param::{MovingFit, Options};
+//! use moving_param::{JointOptions, Method, MovingFit, Options};
 //! use ndarray::Array2;
 //! use thb_core::{HierarchicalSpace, Kind, KnotVector};
 //!
@@ -41,7 +41,8 @@
 //! let knots = KnotVector::uniform(2, 1)?;
 //! let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots])?);
 //! let fitting = fit_ls::Options { lambda: Lambda::Fixed(0.0), ..fit_ls::Options::default() };
-//! let options = Options { tolerance: 1e-6, ..Options::default() };
+//! let method = Method::Joint(JointOptions::WITHOUT_SPRINGS);
+//! let options = Options { method, tolerance: 1e-6, ..Options::default() };
 //! let mut method = MovingFit::new(parameters.view(), points.view(), None, fitting, options)?;
 //! let loop_options = adaptive::Options { tolerance: 1e-6, within: 1.0, ..adaptive::Options::default() };
 //! let outcome = adaptive::run(&mut method, space, &loop_options, &mut |_: &adaptive::Iteration| ControlFlow::Continue(()))?;
@@ -50,16 +51,22 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod damping;
+mod driver;
+mod equations;
 mod error;
-mod frame;
 mod methods;
 mod moving;
 mod options;
 mod points;
 mod safeguards;
-mod system;
+mod state;
+mod step_system;
+mod term;
 mod terms;
 
+pub use driver::{Step, StepWatch};
+pub use equations::{CoefficientBlocks, Linearization, PointBlock, Spring};
 pub use error::Error;
 pub use methods::quasi::{MovingQuasi, QuasiOptions};
 pub use moving::{Moves, MovingFit};
@@ -67,3 +74,8 @@ pub use options::{Blend, Distance, JointOptions, Method, Options, Schedule, Squa
 pub use points::constraint::{Boundary, Constraints};
 pub use points::descent::Descent;
 pub use points::foot_point::{FootPointOptions, FootPointReport, FootPoints, Start, foot_points, project};
+pub use points::frame::Frame;
+pub use points::vector::Vector;
+pub use safeguards::{Admission, CoefficientStep, Parameters, Safeguard};
+pub use state::{State, StepStart};
+pub use term::Term;

@@ -8,14 +8,20 @@ use fit_ls::{LeastSquares, SortedPoints, Weighted};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
+use crate::driver::StepWatch;
 use crate::methods::square_map::SquareMap;
 use crate::points::constraint::Constraints;
 use crate::points::foot_point::{FootPoints, foot_points};
 use crate::points::place::placed;
-use crate::safeguards::flipping_triangles::Triangles;
-use crate::system::StepSystem;
-use crate::terms::springs::Anchor;
-use crate::terms::triangle_centres::RimEdge;
+use crate::safeguards::flipping_triangles::{FlippingTriangles, Triangles};
+use crate::safeguards::stray_points::{Stray, StrayPoints};
+use crate::safeguards::{Admission, Parameters, Safeguard, admit_all};
+use crate::state::State;
+use crate::step_system::StepSystem;
+use crate::term::Term;
+use crate::terms::rim_edges::RimEdge;
+use crate::terms::smoothing::Smoothing;
+use crate::terms::springs::Springs;
 use crate::{Boundary, Error, FootPointReport, Method, Options};
 
 /// What happened to the parameters in one space.
@@ -58,7 +64,10 @@ pub struct MovingFit<const D: usize> {
     pub(crate) centres: Vec<[u32; 3]>,
     /// Their rim, once it is needed.
     pub(crate) rim: Option<Vec<RimEdge>>,
-    pub(crate) anchor: Option<Anchor<D>>,
+    pub(crate) springs: Option<Springs<D>>,
+    /// Terms of the caller.
+    pub(crate) terms: Vec<Box<dyn Term<D>>>,
+    pub(crate) watch: Option<Box<dyn StepWatch>>,
     /// The map that moves all parameters, where one does.
     pub(crate) square: Option<SquareMap<D>>,
     pub(crate) system: Option<(Arc<HierarchicalSpace<D>>, StepSystem)>,
@@ -81,8 +90,8 @@ impl<const D: usize> MovingFit<D> {
         options: Options,
     ) -> Result<Self, Error> {
         let fit = LeastSquares::new(parameters, points, weights, fit)?;
-        if points.ncols() > crate::points::patch::MAX_DIM {
-            return Err(Error::Dimension { given: points.ncols(), limit: crate::points::patch::MAX_DIM });
+        if points.ncols() > crate::points::vector::MAX_DIM {
+            return Err(Error::Dimension { given: points.ncols(), limit: crate::points::vector::MAX_DIM });
         }
         options.check(D, points.ncols(), points.nrows())?;
         Ok(Self {
@@ -92,13 +101,27 @@ impl<const D: usize> MovingFit<D> {
             triangles: None,
             centres: Vec::new(),
             rim: None,
-            anchor: None,
+            springs: None,
+            terms: Vec::new(),
+            watch: None,
             square: None,
             system: None,
             weights: weights.map(|w| w.to_vec()),
             start: parameters.to_owned(),
             reports: Vec::new(),
         })
+    }
+
+    /// Adds a term to what the joint method minimizes, after its own ones. J-PDM and the methods in turn do not know it.
+    pub fn with_term(mut self, term: Box<dyn Term<D>>) -> Self {
+        self.terms.push(term);
+        self
+    }
+
+    /// Tells a watch of each step of the joint method and of the square map; it may end the steps in a space.
+    pub fn with_watch(mut self, watch: Box<dyn StepWatch>) -> Self {
+        self.watch = Some(watch);
+        self
     }
 
     /// What happened in each space, in the order of the calls.
@@ -139,12 +162,16 @@ impl<const D: usize> MovingFit<D> {
             .unwrap_or_else(|| Constraints::new(self.start.view(), ([0.0; D], [1.0; D]), Boundary::Free))
     }
 
-    /// The equations of coupled steps in a space, with the smoothing of now.
+    /// The smoothing of now.
+    pub(crate) fn smoothing(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<Smoothing, Error> {
+        Ok(Smoothing::new(self.fit.energy(space)?, self.fit.lambda().unwrap_or(0.0)))
+    }
+
+    /// The solver of coupled steps in a space.
     pub(crate) fn take_system(&mut self, space: &Arc<HierarchicalSpace<D>>) -> Result<StepSystem, Error> {
-        let (energy, lambda) = (self.fit.energy(space)?, self.fit.lambda().unwrap_or(0.0));
         match self.system.take() {
-            Some((known, system)) if Arc::ptr_eq(&known, space) && system.smooths_by(&energy, lambda) => Ok(system),
-            _ => StepSystem::new(energy, lambda, self.fit.points().dim()),
+            Some((known, system)) if Arc::ptr_eq(&known, space) => Ok(system),
+            _ => StepSystem::new(self.fit.energy(space)?.pattern(), self.fit.points().dim()),
         }
     }
 
@@ -152,28 +179,45 @@ impl<const D: usize> MovingFit<D> {
     pub(crate) fn correct(&mut self, map: &SplineMap<D>, moves: &mut Moves) -> Result<(), Error> {
         let found = foot_points(map, self.fit.points(), &self.constraints(), &self.options.foot_points)?;
         moves.count(&found.report);
-        let FootPoints { mut parameters, mut cells, .. } = found;
-        self.hold(map, &mut parameters, &mut cells, moves)?;
-        self.fit.relocate(&parameters, &cells)?;
-        Ok(())
+        let FootPoints { parameters, cells, .. } = found;
+        self.move_to(map, Parameters { values: parameters, cells }, None, moves)
     }
 
-    /// The barrier: shortens moves until no further triangle flips, and finds the cells anew. True if it did.
-    pub(crate) fn hold(
-        &self,
-        map: &SplineMap<D>,
-        parameters: &mut [[f64; D]],
-        cells: &mut [u32],
-        moves: &mut Moves,
-    ) -> Result<bool, Error> {
-        let Some(triangles) = &self.triangles else { return Ok(false) };
-        let shortened = triangles.hold(self.fit.points(), parameters);
-        for at in (0..shortened.len()).filter(|&at| shortened[at]) {
-            parameters[at] = map.space().to_domain(parameters[at]);
-            cells[at] = map.space().locate_cell(parameters[at])? as u32;
-            moves.held += 1;
+    /// Moves stray points to their foot points, sought anew, as far as no triangle flips.
+    pub(crate) fn seek(&mut self, map: &SplineMap<D>, stray: Stray, moves: &mut Moves) -> Result<(), Error> {
+        let constraints = self.constraints();
+        let strays = StrayPoints { stray, constraints: &constraints, foot_points: self.options.foot_points };
+        let points = self.fit.points();
+        let values = (0..points.len()).map(|at| points.parameter(at)).collect();
+        let mut cells = Vec::with_capacity(points.len());
+        for (cell, ends) in points.offsets().windows(2).enumerate() {
+            cells.resize(ends[1], cell as u32);
         }
-        Ok(shortened.contains(&true))
+        self.move_to(map, Parameters { values, cells }, Some(strays), moves)
+    }
+
+    /// Moves all points, as far as the safeguards admit.
+    fn move_to(
+        &mut self,
+        map: &SplineMap<D>,
+        mut moved: Parameters<D>,
+        strays: Option<StrayPoints<'_, D>>,
+        moves: &mut Moves,
+    ) -> Result<(), Error> {
+        let distances = if strays.is_some() { self.fit.distances(map)?.to_vec() } else { Vec::new() };
+        let flipping = self.triangles.as_ref().map(FlippingTriangles);
+        let points = self.fit.points();
+        let parameters: Vec<[f64; D]> = (0..points.len()).map(|at| points.parameter(at)).collect();
+        let (places, weights) = (points.places(), points.weights().unwrap_or_default());
+        let from = State { map, points, places: &places, parameters: &parameters, distances: &distances, weights };
+        if let Some(strays) = strays {
+            strays.admit_parameters(&from, map, &mut moved)?;
+        }
+        let safeguards: Vec<&dyn Safeguard<D>> = flipping.iter().map(|f| f as &dyn Safeguard<D>).collect();
+        if let Admission::Changed(held) = admit_all(&safeguards, &from, map, &mut moved)? {
+            moves.held += held;
+        }
+        Ok(self.fit.relocate(&moved.values, &moved.cells)?)
     }
 
     /// Restores parameters given in the order of the points.
@@ -336,9 +380,9 @@ impl<const D: usize> Weighted<D> for MovingFit<D> {
         let counted = |weights: &[f64]| weights.iter().map(|w| *w > 0.0).collect::<Vec<bool>>();
         let known = self.weights.as_deref().map_or_else(|| vec![true; weights.len()], counted);
         if known != counted(weights)
-            && let Some(anchor) = &mut self.anchor
+            && let Some(springs) = &mut self.springs
         {
-            anchor.join(&self.centres, self.fit.points());
+            springs.join(&self.centres, self.fit.points());
         }
         self.weights = Some(weights.to_vec());
         Ok(())
@@ -364,11 +408,8 @@ impl<const D: usize> Solve<D> for MovingFit<D> {
             if self.options.guard {
                 map = self.guarded(map, (fixed, before, &entry), &mut moves)?;
             }
-            let left_out =
-                |weights: &[f64]| (0..weights.len()).filter(|&at| weights[at] == 0.0).collect::<Vec<usize>>();
-            let left_out = self.fit.points().weights().map(left_out).unwrap_or_default();
-            if !left_out.is_empty() {
-                self.seek(&map, &left_out, &mut moves)?;
+            if self.fit.points().weights().is_some_and(|weights| weights.contains(&0.0)) {
+                self.seek(&map, Stray::WithoutWeight, &mut moves)?;
             }
             moves.reach(self.measure(&map)?);
         }

@@ -24,26 +24,9 @@ use crate::{Error, Event, FitOptions, Watch};
 /// the points of a scan are smaller.
 pub(crate) const FAR: f64 = 0.07;
 
-/// Stiffness of the springs that hold moving parameters where they started. Parameters laid out well need to move little;
-/// without springs they open voids between them. Of 0, 1e-4 and 1e-3, on 14 scans, this needed the fewest control points
-/// at 0.5 %, and all three about as many at 0.1 %.
-const STIFFNESS: f64 = 1e-4;
-
-/// Stiffness of the springs between neighbours. Of 0, 0.05, 0.1, 0.2, 0.3 and 1, on eight scans, 0.1 was the least with which hardly any
-/// creases remained; from 0.2 on more control points are needed.
-const COHESION: f64 = 0.1;
-
-/// Weight of the centres of triangles between points. Of 0.03, 0.1 and 0.3, on seven scans at 0.5 % and 0.1 %, this left the
-/// fewest sharp turns for about the same control points; 0 leaves two to four times as many.
-const BETWEEN: f64 = 0.3;
-
-/// The joint method: without rounds of emphasis in a fit that may leave points out, without cohesion in one that may not.
-pub const JOINT: JointOptions =
-    JointOptions { stiffness: STIFFNESS, cohesion: COHESION, between: BETWEEN, ..JointOptions::DEFAULT };
-
-/// The same with parameters that need not move as their neighbours do: they tear the map of some scans, on others they need far fewer
+/// The joint method with parameters that need not move as their neighbours do: they tear the map of some scans, on others they need far fewer
 /// control points.
-const FREE: JointOptions = JointOptions { cohesion: 0.0, ..JOINT };
+const FREE: JointOptions = JointOptions { cohesion: 0.0, ..JointOptions::DEFAULT };
 
 /// Share of the automatic smoothing weight that is tried where moving parameters miss the tolerance: the weight is judged at
 /// fixed parameters, whose errors call for more smoothing.
@@ -329,9 +312,9 @@ fn fit_all(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) -> Resu
         attempt(method, joint, task, options, watch)
     };
     if options.method != Method::Auto {
-        return attempt(options.method, &JOINT, options, watch);
+        return attempt(options.method, &JointOptions::DEFAULT, options, watch);
     }
-    let fixed = attempt(Method::Ls, &JOINT, options, watch)?;
+    let fixed = attempt(Method::Ls, &JointOptions::DEFAULT, options, watch)?;
     // What swings out, folds or passes through itself is no result to be better than.
     let reached = fixed.fitted.stop == Stop::ToleranceReached && fixed.judgement.is_sound();
     let coarsest = fixed.dofs() == space.n_functions() && reached;
@@ -360,7 +343,7 @@ fn fit_all(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) -> Resu
     let mut best = fixed;
     for (moving, step) in tries.into_iter().take(1 + usize::from(may_be_softer)) {
         let _ = watch(Event::Step(step));
-        let other = attempt(Method::Joint, &JOINT, moving, watch)?;
+        let other = attempt(Method::Joint, &JointOptions::DEFAULT, moving, watch)?;
         let (before, now) = (rank(&best), rank(&other));
         tracing::info!(?before, ?now, within = other.within(), dofs = other.dofs(), "near and smooth, within");
         tracing::debug!(reasons = ?other.judgement.reasons, farthest = other.farthest(), creases = other.creases, "judged");

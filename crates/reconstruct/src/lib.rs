@@ -57,7 +57,6 @@ pub use curve::{
 pub use deviation::{Deviation, Reason, Thresholds, Verdict};
 pub use error::Error;
 pub use fit::{Fit, fit_file, fit_scan};
-pub use fitting::JOINT;
 pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
 pub use options::{
     BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, Mark, Method, Pair, ParseOptionError, Samples,

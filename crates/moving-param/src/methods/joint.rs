@@ -3,52 +3,61 @@
 //! With residuals `r_i`, tangents `T_i` and damping μ of the parameters a step minimizes
 //! `½ Σ ω_i |r_i + B_i δc + T_i δu_i|² + ½ μ Σ ω_i δu_iᵀ diag(T_iᵀT_i) δu_i + ½ λ J(c + δc)`. Each `δu_i` occurs in one residual and
 //! is eliminated exactly, as in bundle adjustment: what remains for δc are least squares with the matrices
-//! `W_i = I − T_i (T_iᵀT_i + μ diag)⁻¹ T_iᵀ`, which lie between tangent distances (μ = 0) and point distances (μ = ∞).
+//! `W_i = I − T_i (T_iᵀT_i + μ diag)⁻¹ T_iᵀ`, which lie between tangent distances (μ = 0) and point distances (μ = ∞). The other terms
+//! of the objective ([`crate::terms`]) add to these equations.
 
+use std::time::{Duration, Instant};
+
+use fit_ls::{BlockEquations, LeastSquares};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, transfer};
 
-use crate::frame::{Frame, Share, columns, frames};
+use crate::damping::{Damping, DampingRule};
+use crate::driver::{Limits, StepProblem, minimize};
+use crate::equations::Equations;
 use crate::moving::{Moves, MovingFit};
-use crate::points::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from, seek_anew};
-use crate::points::patch::dot;
-use crate::system::StepSystem;
-use crate::terms::lost_area::{Regularity, Sheet, step};
-use crate::terms::springs::Anchor;
-use crate::terms::triangle_centres::{Between, rim};
+use crate::points::constraint::Constraints;
+use crate::points::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from};
+use crate::points::frame::frames_at;
+use crate::safeguards::flipping_triangles::FlippingTriangles;
+use crate::safeguards::stray_points::Stray;
+use crate::safeguards::turned_cells::turns;
+use crate::safeguards::{Admission, CoefficientStep, Parameters, Safeguard, admit_all};
+use crate::state::{Snapshot, State};
+use crate::step_system::StepSystem;
+use crate::term::{Objective, Term};
+use crate::terms::data::Data;
+use crate::terms::lost_area::LostArea;
+use crate::terms::rim_edges::rim;
+use crate::terms::springs::Springs;
+use crate::terms::triangle_centres::TriangleCentres;
 use crate::{Error, JointOptions};
 
-/// Damping of the first step.
-const FIRST_DAMPING: f64 = 1e-2;
+/// The damping μ of the parameters. Below 1e-10 tangent motion is all but free; beyond 1e4 a step is one of point distances: if that
+/// does not lower the objective nothing will. Lowered at once after a refusal, half of all trials are refused.
+const DAMPING: DampingRule = DampingRule { first: 1e-2, least: 1e-10, most: 1e4, accept: 0.1, refuse: 10.0, pause: 2 };
 
-/// Factor of the damping after a step that lowered the objective.
-const DECREASE: f64 = 0.1;
-
-/// Factor after one that did not.
-const INCREASE: f64 = 10.0;
-
-/// Below this damping the equations are too near to singular; tangent motion is then all but free.
-const LEAST_DAMPING: f64 = 1e-10;
-
-/// Beyond this damping a step is one of point distances: if that does not lower the objective nothing will.
-const MOST_DAMPING: f64 = 1e4;
-
-/// Steps in a row that lower the objective too little, after which the descent ends.
+/// Steps in a row that lower the objective too little, after which the descent ends: one short step may be due to damping.
 const SLOW_STEPS: usize = 2;
 
-/// Samples per direction and cell among which the start of a stray point is sought.
-const STRAY_SAMPLES: usize = 4;
-
-/// Accepted steps after a refused one for which damping stays as it is: lowered at once, half of all trials are refused.
-const WARY_STEPS: usize = 2;
+/// Times that a step is computed anew because it activates further penalties.
+const EXTENSIONS: usize = 3;
 
 /// Steps between two changes of the emphasis.
 const STEPS_PER_ROUND: usize = 2;
 
 /// Share of points outside the tolerance up to which emphasis pays: beyond it the space is too coarse.
-const FEW: f64 = 0.02;
+const EMPHASIS_MAX_OUTSIDE_SHARE: f64 = 0.02;
 
 /// Largest factor of a point's weight in one round of emphasis, and over all rounds.
 const EMPHASIS: (f64, f64) = (4.0, 1e4);
+
+/// What the descents in one space share.
+struct Run {
+    system: StepSystem,
+    /// Weights by index: places change with the parameters.
+    weights: Vec<f64>,
+    damping: Damping,
+}
 
 impl<const D: usize> MovingFit<D> {
     pub(crate) fn joint(
@@ -59,231 +68,306 @@ impl<const D: usize> MovingFit<D> {
         moves: &mut Moves,
     ) -> Result<SplineMap<D>, Error> {
         let space = map.space().clone();
-        let map = match (previous, self.regularity(&space, options)) {
+        let map = match previous {
             // A fit at parameters that have moved may fold where what was reached before does not.
-            (Some(previous), Some(regularity)) => {
+            Some(previous) if self.may_fold(options) => {
                 let reached = SplineMap::new(space.clone(), transfer(previous, &space)?)?;
-                if regularity.turned(&map, &reached) { reached } else { map }
+                if turns(&map, &reached) { reached } else { map }
             }
             _ => map,
         };
-        let mut system = self.take_system(&space)?;
-        // Weights by index: sorted positions change with the parameters.
-        let mut weights = self.weights.clone().unwrap_or_else(|| vec![1.0; self.fit.points().len()]);
-        if self.anchor.is_none() && (options.stiffness > 0.0 || options.cohesion > 0.0) {
-            let start = self.start.outer_iter().map(|row| std::array::from_fn(|d| row[d])).collect();
-            let points = self.fit.points();
-            let frames = frames(&map, points)?;
-            self.anchor = Some(Anchor::new(space.clone(), points, &frames, start, &self.centres, options));
-        }
-        if self.rim.is_none() && options.between > 0.0 {
-            self.rim = Some(rim(&self.centres));
-        }
-        let mut damping = FIRST_DAMPING;
-        let mut map = self.descend(map, &mut system, &weights, &mut damping, options.max_steps, options, moves)?;
+        self.prepare(&map, options)?;
+        let weights = self.weights.clone().unwrap_or_else(|| vec![1.0; self.fit.points().len()]);
+        let mut run = Run { system: self.take_system(&space)?, weights, damping: Damping::new(DAMPING) };
+        let mut map = self.descend(map, options.max_steps, options, &mut run, moves)?;
         for _ in 0..options.emphasis {
-            let tolerance = self.options.tolerance;
             let outside = self.measure(&map)?.outside;
-            let counted = weights.iter().filter(|w| **w > 0.0).count();
-            if outside == 0 || outside as f64 > FEW * counted as f64 {
+            let counted = run.weights.iter().filter(|w| **w > 0.0).count();
+            if outside == 0 || outside as f64 > EMPHASIS_MAX_OUTSIDE_SHARE * counted as f64 {
                 break;
             }
-            self.free_strays(&map, moves)?;
-            let distances = self.fit.distances(&map)?.to_vec();
-            let given = self.weights.as_deref();
-            for (&distance, &index) in distances.iter().zip(self.fit.points().order()) {
-                let index = index as usize;
-                let factor = (distance / tolerance).powi(2).clamp(1.0, EMPHASIS.0);
-                weights[index] = (weights[index] * factor).min(EMPHASIS.1 * given.map_or(1.0, |w| w[index]));
-            }
+            // Points outside the tolerance may be at a foot point that is no longer the nearest.
+            self.seek(&map, Stray::FartherThan(self.options.tolerance), moves)?;
+            self.emphasize(&map, &mut run.weights)?;
             let before = (map.clone(), self.parameters());
-            map = self.descend(map, &mut system, &weights, &mut damping, STEPS_PER_ROUND, options, moves)?;
+            map = self.descend(map, STEPS_PER_ROUND, options, &mut run, moves)?;
             if self.measure(&map)?.outside > outside {
                 self.restore(&before.1, &space)?;
                 map = before.0;
                 break;
             }
         }
-        self.system = Some((space, system));
+        self.system = Some((space, run.system));
         Ok(map)
     }
 
-    /// Points outside the tolerance may hang at a foot point that is no longer the nearest: they are sought anew.
-    fn free_strays(&mut self, map: &SplineMap<D>, moves: &mut Moves) -> Result<(), Error> {
+    /// Whether lost area is penalized: that of surfaces in space.
+    fn may_fold(&self, options: &JointOptions) -> bool {
+        options.regularity > 0.0 && D == 2 && self.fit.points().dim() == 3
+    }
+
+    /// Makes what lasts from space to space.
+    fn prepare(&mut self, map: &SplineMap<D>, options: &JointOptions) -> Result<(), Error> {
+        if self.springs.is_none() && (options.stiffness > 0.0 || options.cohesion > 0.0) {
+            let start = self.start.outer_iter().map(|row| std::array::from_fn(|d| row[d])).collect();
+            let points = self.fit.points();
+            self.springs = Some(Springs::new(points, &frames_at(map, points)?, start, &self.centres, options));
+        }
+        if self.rim.is_none() && options.between > 0.0 {
+            self.rim = Some(rim(&self.centres));
+        }
+        Ok(())
+    }
+
+    /// Gives the points outside the tolerance more weight, by index.
+    fn emphasize(&mut self, map: &SplineMap<D>, weights: &mut [f64]) -> Result<(), Error> {
         let tolerance = self.options.tolerance;
-        let distances = self.fit.distances(map)?;
-        let strays: Vec<usize> = (0..distances.len()).filter(|&at| distances[at] > tolerance).collect();
-        self.seek(map, &strays, moves)
+        let distances = self.fit.distances(map)?.to_vec();
+        let given = self.weights.as_deref();
+        for (&distance, &index) in distances.iter().zip(self.fit.points().order()) {
+            let index = index as usize;
+            let factor = (distance / tolerance).powi(2).clamp(1.0, EMPHASIS.0);
+            weights[index] = (weights[index] * factor).min(EMPHASIS.1 * given.map_or(1.0, |w| w[index]));
+        }
+        Ok(())
     }
 
-    /// Moves the points at some places to their foot points, sought from there and among samples of the map.
-    pub(crate) fn seek(&mut self, map: &SplineMap<D>, places: &[usize], moves: &mut Moves) -> Result<(), Error> {
-        let options = FootPointOptions { start: Start::Both(STRAY_SAMPLES), ..self.options.foot_points };
-        let points = self.fit.points();
-        let found = seek_anew(map, points, places, &self.constraints(), &options)?;
-        let mut parameters: Vec<[f64; D]> = (0..points.len()).map(|at| points.parameter(at)).collect();
-        let mut cells: Vec<u32> = Vec::with_capacity(points.len());
-        for (cell, ends) in points.offsets().windows(2).enumerate() {
-            cells.resize(ends[1], cell as u32);
-        }
-        for (&at, (u, cell)) in places.iter().zip(found) {
-            (parameters[at], cells[at]) = (u, cell);
-        }
-        self.hold(map, &mut parameters, &mut cells, moves)?;
-        Ok(self.fit.relocate(&parameters, &cells)?)
-    }
-
-    /// At most `max_steps` steps with weights given by index.
+    /// At most so many steps.
     fn descend(
         &mut self,
-        mut map: SplineMap<D>,
-        system: &mut StepSystem,
-        weights: &[f64],
-        damping: &mut f64,
-        max_steps: usize,
+        map: SplineMap<D>,
+        steps: usize,
         options: &JointOptions,
+        run: &mut Run,
         moves: &mut Moves,
     ) -> Result<SplineMap<D>, Error> {
+        let limits = Limits { steps, decrease: options.decrease, slow_steps: SLOW_STEPS };
+        let mut watch = self.watch.take();
+        let mut damping = run.damping;
+        let reached = self.with_joint(map, options, run, moves, |mut problem| {
+            let ended = minimize(&mut problem, &mut damping, &limits, watch.as_deref_mut())?;
+            tracing::debug!(?ended, damping = damping.value(), "descent");
+            Ok(problem.map)
+        });
+        run.damping = damping;
+        self.watch = watch;
+        reached
+    }
+
+    /// Mean time of a trial of a step from a map in the space last fitted in, without that of factorization and of the step of the
+    /// coefficients: equations, parameters that follow, energies. For benchmarks.
+    ///
+    /// # Errors
+    /// Those of a fit; [`Error::Minimization`] if the equations are singular.
+    #[doc(hidden)]
+    pub fn time_trials(&mut self, map: &SplineMap<D>, options: &JointOptions, trials: u32) -> Result<Duration, Error> {
+        self.prepare(map, options)?;
+        let (space, weights) = (map.space().clone(), vec![1.0; self.fit.points().len()]);
+        let mut run = Run { system: self.take_system(&space)?, weights, damping: Damping::new(DAMPING) };
+        let mut moves = Moves::default();
+        self.with_joint(map.clone(), options, &mut run, &mut moves, |mut problem| {
+            problem.freeze()?;
+            let reduced = problem.reduced(DAMPING.first)?;
+            let singular = || Error::Minimization { reason: "the step is singular".into() };
+            let stepped = problem.coefficient_step(&reduced)?.ok_or_else(singular)?;
+            let clock = Instant::now();
+            for _ in 0..trials {
+                std::hint::black_box(problem.reduced(DAMPING.first)?);
+                std::hint::black_box(problem.judged(stepped.clone(), DAMPING.first)?);
+            }
+            Ok(clock.elapsed() / trials.max(1))
+        })
+    }
+
+    /// Does something with the minimization from a map.
+    fn with_joint<T>(
+        &mut self,
+        map: SplineMap<D>,
+        options: &JointOptions,
+        run: &mut Run,
+        moves: &mut Moves,
+        act: impl FnOnce(Joint<'_, D>) -> Result<T, Error>,
+    ) -> Result<T, Error> {
         let space = map.space().clone();
         let constraints = self.constraints();
-        let (between, regularity) = (self.between(&space, options)?, self.regularity(&space, options));
-        let (mut slow, mut wary) = (0, 0_usize);
-        'steps: for _ in 0..max_steps {
-            let points = self.fit.points();
-            let mut frames = frames(&map, points)?;
-            if let Some(anchor) = &mut self.anchor {
-                anchor.follow(points, &frames);
-                for (at, (frame, &index)) in frames.iter_mut().zip(points.order()).enumerate() {
-                    *frame = frame.anchored(anchor, index as usize, points.parameter(at));
-                }
-            }
-            let distances: Vec<f64> = frames.iter().map(|f| dot(&f.residual, &f.residual).sqrt()).collect();
-            let weights: Vec<f64> = points.order().iter().map(|&index| weights[index as usize]).collect();
-            let is_met = |(distance, weight): (&f64, &f64)| *distance <= self.options.tolerance || *weight == 0.0;
-            if distances.iter().zip(&weights).all(is_met) {
-                break;
-            }
-            // As long as distances are beyond the tolerance folds cost as much as they do: for less a step would fold first,
-            // and then not be taken.
-            let of_points = squares(&distances, &weights);
-            let level = of_points.max(0.5 * self.options.tolerance.powi(2) * points.total_weight());
-            let fold_weight = options.regularity * 2.0 * level / space.n_cells() as f64;
-            let sheet = regularity.as_ref().map(|regularity| Sheet::new(regularity, &map, fold_weight));
-            let held = between.as_ref().map(|b| b.equations(&map, system.pattern(), points)).transpose()?;
-            let objective = of_points
-                + self.springs(|at| points.parameter(at), &weights)
-                + system.energy_part(&map.coefficients().to_owned())
-                + held.as_ref().map_or(0.0, |(energy, _)| *energy)
-                + sheet.as_ref().map_or(0.0, Sheet::energy);
-            let lowered = loop {
-                let share = |at: usize| Share { point: 0.0, damping: *damping, weight: weights[at] };
-                let columns = columns(self.fit.points(), &frames, &constraints, share);
-                let mut equations = system.equations(&map, self.fit.points(), &columns)?;
-                if let Some((_, further)) = &held {
-                    equations.merge(further)?;
-                }
-                if let Some((trial, folds)) = step(system, &equations, &map, sheet.as_ref())? {
-                    let found = self.follow(&trial, &frames, *damping, options.polish, moves)?;
-                    let parameter = |at: usize| found.parameters[at];
-                    let new = squares(&found.distances, &weights)
-                        + self.springs(parameter, &weights)
-                        + system.energy_part(&trial.coefficients().to_owned())
-                        + between.as_ref().map_or(Ok(0.0), |b| b.energy(&trial, self.fit.points(), parameter))?
-                        + folds;
-                    if new < objective {
-                        moves.count(&found.report);
-                        self.fit.relocate(&found.parameters, &found.cells)?;
-                        map = trial;
-                        if wary == 0 {
-                            *damping = (*damping * DECREASE).max(LEAST_DAMPING);
-                        }
-                        wary = wary.saturating_sub(1);
-                        break (objective - new) / objective;
-                    }
-                }
-                *damping *= INCREASE;
-                wary = WARY_STEPS;
-                if *damping > MOST_DAMPING {
-                    *damping = FIRST_DAMPING;
-                    break 'steps;
-                }
-            };
-            // One short step may be due to damping; two in a row are not.
-            slow = if lowered < options.decrease { slow + 1 } else { 0 };
-            if slow == SLOW_STEPS {
-                break;
-            }
-        }
-        Ok(map)
-    }
-
-    /// The samples between points that hold the surface in a space, if any.
-    fn between(&self, space: &HierarchicalSpace<D>, options: &JointOptions) -> Result<Option<Between>, Error> {
-        match &self.rim {
+        let may_fold = self.may_fold(options);
+        let mut smoothing = self.smoothing(&space)?;
+        let mut lost_area = may_fold.then(|| LostArea::new(space.degree(), options, self.options.tolerance));
+        let mut centres = match &self.rim {
             Some(rim) if options.between > 0.0 => {
-                Between::new(&self.centres, rim, space, self.fit.points(), options.between)
+                TriangleCentres::new(&self.centres, rim, space.as_ref(), self.fit.points(), options.between)?
             }
-            _ => Ok(None),
-        }
-    }
-
-    /// The samples for the penalty on folds of surfaces in space.
-    fn regularity(&self, space: &HierarchicalSpace<D>, options: &JointOptions) -> Option<Regularity> {
-        let penalized = options.regularity > 0.0 && D == 2 && self.fit.points().dim() == 3;
-        penalized.then(|| Regularity::new(space.degree()))
-    }
-
-    /// Half the weighted energy of the springs, parameters and weights by the places of the sorted points.
-    fn springs(&self, parameter: impl Fn(usize) -> [f64; D], weights: &[f64]) -> f64 {
-        let Some(anchor) = &self.anchor else { return 0.0 };
-        let order = self.fit.points().order();
-        let energy = |at: usize| weights[at] * anchor.squared(order[at] as usize, parameter(at));
-        0.5 * (0..order.len()).map(energy).sum::<f64>()
-    }
-
-    /// The parameters that belong to a step of the coefficients: eliminated ones, then a few steps towards the foot point.
-    fn follow(
-        &self,
-        trial: &SplineMap<D>,
-        before: &[Frame<D>],
-        damping: f64,
-        polish: usize,
-        moves: &mut Moves,
-    ) -> Result<FootPoints<D>, Error> {
-        let points = self.fit.points();
-        let constraints = self.constraints();
-        let space = trial.space();
-        let stepped = frames(trial, points)?;
-        let mut parameters = Vec::with_capacity(points.len());
-        let mut cells = Vec::with_capacity(points.len());
-        let offsets = points.offsets();
-        for cell in 0..space.n_cells() {
-            let size = space.cell(cell).size();
-            for at in offsets[cell]..offsets[cell + 1] {
-                let free = constraints.free(points.order()[at] as usize);
-                let step = before[at].parameter_step(&stepped[at].residual, damping, free);
-                let from = points.parameter(at);
-                let longest = (0..D).map(|d| (step[d] / size[d]).abs()).fold(1.0, f64::max);
-                let u = space.to_domain(std::array::from_fn(|d| from[d] + step[d] / longest));
-                parameters.push(u);
-                cells.push(space.locate_cell(u)? as u32);
-            }
-        }
-        self.hold(trial, &mut parameters, &mut cells, moves)?;
-        let options = FootPointOptions { start: Start::Present, max_steps: polish, ..self.options.foot_points };
-        let starts = (&parameters[..], &cells[..]);
-        let mut found = foot_points_from(trial, points, Some(starts), self.anchor.as_ref(), &constraints, &options)?;
-        if polish > 0 && self.hold(trial, &mut found.parameters, &mut found.cells, moves)? {
-            let still = FootPointOptions { max_steps: 0, ..options };
-            let starts = (&found.parameters[..], &found.cells[..]);
-            found.distances =
-                foot_points_from(trial, points, Some(starts), self.anchor.as_ref(), &constraints, &still)?.distances;
-        }
-        Ok(found)
+            _ => None,
+        };
+        let Self { fit, springs, terms: further, triangles, .. } = self;
+        let flipping = triangles.as_ref().map(FlippingTriangles);
+        let mut data = Data;
+        // The order of the summands.
+        let mut terms: Vec<&mut dyn Term<D>> = vec![&mut data];
+        terms.extend(springs.as_mut().map(|term| term as &mut dyn Term<D>));
+        terms.push(&mut smoothing);
+        terms.extend(centres.as_mut().map(|term| term as &mut dyn Term<D>));
+        terms.extend(lost_area.as_mut().map(|term| term as &mut dyn Term<D>));
+        terms.extend(further.iter_mut().map(|term| &mut **term as &mut dyn Term<D>));
+        act(Joint {
+            equations: Equations::new(run.system.pattern().clone()),
+            objective: Objective::new(terms),
+            system: &mut run.system,
+            safeguards: flipping.iter().map(|safeguard| safeguard as &dyn Safeguard<D>).collect(),
+            constraints: &constraints,
+            weights: &run.weights,
+            tolerance: self.options.tolerance,
+            polish: FootPointOptions { start: Start::Present, max_steps: options.polish, ..self.options.foot_points },
+            start: Snapshot::default(),
+            active: Vec::new(),
+            fit,
+            map,
+            moves,
+        })
     }
 }
 
-/// `½ Σ ω d²`, in the order of the points.
-fn squares(distances: &[f64], weights: &[f64]) -> f64 {
-    0.5 * distances.iter().zip(weights).map(|(d, w)| w * d * d).sum::<f64>()
+/// The minimization by coefficients and parameters: the state is a map and the parameters of the sorted points.
+struct Joint<'a, const D: usize> {
+    fit: &'a mut LeastSquares<D>,
+    map: SplineMap<D>,
+    objective: Objective<'a, D, HierarchicalSpace<D>>,
+    system: &'a mut StepSystem,
+    safeguards: Vec<&'a dyn Safeguard<D>>,
+    constraints: &'a Constraints<D>,
+    /// By index.
+    weights: &'a [f64],
+    tolerance: f64,
+    /// Newton steps towards the foot point, after each step.
+    polish: FootPointOptions,
+    moves: &'a mut Moves,
+    /// The start of the present step.
+    start: Snapshot<D>,
+    equations: Equations<D>,
+    /// The penalties of each term that are active there.
+    active: Vec<Vec<u32>>,
+}
+
+/// A map, and the parameters that follow it.
+type JointTrial<const D: usize> = (SplineMap<D>, FootPoints<D>);
+
+impl<const D: usize> StepProblem for Joint<'_, D> {
+    type Trial = JointTrial<D>;
+
+    fn freeze(&mut self) -> Result<Option<f64>, Error> {
+        self.start = Snapshot::new(&self.map, self.fit.points(), |index| self.weights[index])?;
+        let is_met = |(distance, weight): (&f64, &f64)| *distance <= self.tolerance || *weight == 0.0;
+        if self.start.distances.iter().zip(&self.start.weights).all(is_met) {
+            return Ok(None);
+        }
+        let start = self.start.start(&self.map, self.fit.points());
+        self.objective.freeze(&start, &mut self.equations)?;
+        self.active = self.equations.active();
+        self.objective.energy(&start.state).map(Some)
+    }
+
+    fn trial(&mut self, damping: f64) -> Result<Option<(Self::Trial, f64)>, Error> {
+        let reduced = self.reduced(damping)?;
+        self.coefficient_step(&reduced)?.map_or(Ok(None), |map| self.judged(map, damping))
+    }
+
+    fn accept(&mut self, (map, found): Self::Trial) -> Result<(), Error> {
+        self.moves.count(&found.report);
+        self.fit.relocate(&found.parameters, &found.cells)?;
+        self.map = map;
+        Ok(())
+    }
+}
+
+impl<const D: usize> Joint<'_, D> {
+    /// The equations of the coefficients, once the parameters are eliminated.
+    fn reduced(&self, damping: f64) -> Result<BlockEquations, Error> {
+        self.equations.reduced(self.map.space().as_ref(), self.fit.points(), self.constraints, damping, &[])
+    }
+
+    /// The map after the step that solves the equations, with all penalties active that it activates, as the safeguards leave it. `None`
+    /// if the equations are singular, or a safeguard refuses the step.
+    fn coefficient_step(&mut self, reduced: &BlockEquations) -> Result<Option<SplineMap<D>>, Error> {
+        let Self { fit, map, objective, system, start, equations, active, .. } = self;
+        let (space, points) = (map.space(), fit.points());
+        let start = start.start(map, points);
+        let none = Vec::new();
+        let mut active = active.clone();
+        let mut extensions = 0;
+        let mut step = loop {
+            objective.linearize(&start, &active, equations)?;
+            let solved = system.step(reduced, 0.0, &none, |matrix, right| equations.add_cells(matrix, right))?;
+            let Some(step) = solved else { return Ok(None) };
+            let stepped = SplineMap::new(space.clone(), &map.coefficients() + &step)?;
+            if !objective.extend(&stepped, &mut active) || extensions == EXTENSIONS {
+                break CoefficientStep { from: map, step, map: stepped };
+            }
+            extensions += 1;
+        };
+        for safeguard in objective.safeguards() {
+            if safeguard.admit_coefficients(&mut step)? == Admission::Refused {
+                tracing::trace!(safeguard = safeguard.name(), "step refused");
+                return Ok(None);
+            }
+        }
+        Ok(Some(step.map))
+    }
+
+    /// Where a step of the coefficients leads once the parameters follow, and the objective there.
+    fn judged(&mut self, map: SplineMap<D>, damping: f64) -> Result<Option<(JointTrial<D>, f64)>, Error> {
+        let Some(found) = self.follow(&map, damping)? else { return Ok(None) };
+        let start = self.start.start(&self.map, self.fit.points()).state;
+        let trial = State { map: &map, parameters: &found.parameters, distances: &found.distances, ..start };
+        let energy = self.objective.energy(&trial)?;
+        Ok(Some(((map, found), energy)))
+    }
+
+    /// The parameters that belong to a step of the coefficients: eliminated ones, then a few steps towards the foot point. `None` if a
+    /// safeguard refuses them.
+    fn follow(&mut self, trial: &SplineMap<D>, damping: f64) -> Result<Option<FootPoints<D>>, Error> {
+        let points = self.fit.points();
+        let from = self.start.start(&self.map, points).state;
+        let mut moved = self.eliminated(trial, damping)?;
+        match admit_all(&self.safeguards, &from, trial, &mut moved)? {
+            Admission::Unchanged => (),
+            Admission::Changed(held) => self.moves.held += held,
+            Admission::Refused => return Ok(None),
+        }
+        let blocks = &self.equations.points;
+        let mut found = foot_points_from(trial, points, Some(&moved), blocks, self.constraints, &self.polish)?;
+        if self.polish.max_steps == 0 {
+            return Ok(Some(found));
+        }
+        let mut polished = Parameters { values: found.parameters, cells: found.cells };
+        let admission = admit_all(&self.safeguards, &from, trial, &mut polished)?;
+        if let Admission::Changed(held) = admission {
+            self.moves.held += held;
+            let still = FootPointOptions { max_steps: 0, ..self.polish };
+            let there = foot_points_from(trial, points, Some(&polished), blocks, self.constraints, &still)?;
+            found.distances = there.distances;
+        }
+        (found.parameters, found.cells) = (polished.values, polished.cells);
+        Ok((admission != Admission::Refused).then_some(found))
+    }
+
+    /// The parameters that the equations have eliminated, moved by a cell at most.
+    fn eliminated(&self, trial: &SplineMap<D>, damping: f64) -> Result<Parameters<D>, Error> {
+        let (points, space) = (self.fit.points(), trial.space());
+        let stepped = frames_at(trial, points)?;
+        let mut moved =
+            Parameters { values: Vec::with_capacity(points.len()), cells: Vec::with_capacity(points.len()) };
+        for (cell, ends) in points.offsets().windows(2).enumerate() {
+            let size = space.cell(cell).size();
+            for at in ends[0]..ends[1] {
+                let free = self.constraints.free(points.order()[at] as usize);
+                let step = self.equations.points[at].parameter_step(&stepped[at].residual, damping, free);
+                let from = points.parameter(at);
+                let longest = (0..D).map(|d| (step[d] / size[d]).abs()).fold(1.0, f64::max);
+                let u = space.to_domain(std::array::from_fn(|d| from[d] + step[d] / longest));
+                moved.values.push(u);
+                moved.cells.push(space.locate_cell(u)? as u32);
+            }
+        }
+        Ok(moved)
+    }
 }

@@ -2,18 +2,22 @@
 
 use std::sync::Mutex;
 
-use argmin::core::{CostFunction, Executor, Gradient, IterState, State};
+use argmin::core::{CostFunction, Executor, Gradient, IterState, State as _};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 // For its feature `vec`: the vector operations of L-BFGS on `Vec<f64>`.
 use argmin_math as _;
-use thb_core::{SplineMap, SymmetricMatrix, transfer};
+use thb_core::{HierarchicalSpace, SplineMap, transfer};
 
+use crate::equations::{Equations, PointBlock};
 use crate::methods::unknowns::{Place, Unknowns, basis_sums, jets};
 use crate::moving::{Moves, MovingFit};
-use crate::points::foot_point::point;
-use crate::points::patch::{Vector, difference, dot};
+use crate::points::frame::Frame;
 use crate::points::place::cells_of;
+use crate::points::vector::{Vector, difference, point};
+use crate::state::{Snapshot, State, StepStart};
+use crate::term::{Objective, Term};
+use crate::terms::data::Data;
 use crate::{Error, Schedule};
 
 /// Corrections of the inverse Hessian that are kept (Imperatore 2024, Remark 27).
@@ -41,13 +45,21 @@ impl<const D: usize> MovingFit<D> {
             None => map,
         };
         let (tolerance, mut left) = schedule.limits(space.n_levels());
-        let (energy, lambda) = (self.fit.energy(&space)?, self.fit.lambda().unwrap_or(0.0));
         let failed = |e: argmin::core::Error| Error::Minimization { reason: e.to_string() };
+        let constraints = self.constraints();
+        let (mut data, mut smoothing) = (Data, self.smoothing(&space)?);
+        let terms: Vec<&mut dyn Term<D>> = vec![&mut data, &mut smoothing];
+        let mut objective = Objective::new(terms);
         let mut map = map;
         while left > 0 {
             let system = self.take_system(&space)?;
-            let unknowns = Unknowns::new(map.clone(), self.fit.points(), self.constraints(), system)?;
-            let problem = Problem { unknowns, energy: &energy, lambda, last: Mutex::new(None) };
+            let points = self.fit.points();
+            let weights = points.as_given(points.weights().unwrap_or(&vec![1.0; points.len()]));
+            let snapshot = Snapshot::new(&map, points, |index| weights[index])?;
+            let mut equations = Equations::new(system.pattern().clone());
+            objective.freeze(&snapshot.start(&map, points), &mut equations)?;
+            let unknowns = Unknowns::new(map.clone(), points, &constraints, equations, system)?;
+            let problem = Problem { unknowns, objective: &objective, snapshot, last: Mutex::new(None) };
             let search = MoreThuenteLineSearch::new().with_c(WOLFE.0, WOLFE.1).map_err(failed)?;
             let solver = LBFGS::new(search, MEMORY)
                 .with_tolerance_grad(tolerance)
@@ -78,40 +90,38 @@ impl<const D: usize> MovingFit<D> {
 /// Unknowns, cost and gradient.
 type Evaluated = (Vec<f64>, f64, Vec<f64>);
 
-/// `½ Σ ω |s(u) − p|² + ½ λ J(c)` as a function of [`Unknowns`].
-struct Problem<'a, const D: usize> {
+/// The objective as a function of [`Unknowns`].
+struct Problem<'a, 't, const D: usize> {
     unknowns: Unknowns<'a, D>,
-    energy: &'a SymmetricMatrix,
-    lambda: f64,
+    objective: &'a Objective<'t, D, HierarchicalSpace<D>>,
+    /// The start, whose arrays have the order of the points.
+    snapshot: Snapshot<D>,
     /// The last values, so that cost and gradient at one place cost one pass.
     last: Mutex<Option<Evaluated>>,
 }
 
-impl<const D: usize> Problem<'_, D> {
+impl<const D: usize> Problem<'_, '_, D> {
     /// Objective and gradient in one pass over the points.
     fn evaluate(&self, x: &[f64]) -> Result<(f64, Vec<f64>), Error> {
         let place = self.unknowns.place(x)?;
         let Place { map, parameters, .. } = &place;
         let points = self.unknowns.points();
-        let jets = jets(map, parameters)?;
-        let weight = |at: usize| points.weights().map_or(1.0, |w| w[at]);
-        let residuals: Vec<Vector> =
-            jets.iter().enumerate().map(|(at, jet)| difference(&jet.value, &point(points, at))).collect();
-        let squares: f64 = residuals.iter().enumerate().map(|(at, r)| weight(at) * dot(r, r)).sum();
-        let slopes: Vec<[f64; D]> = (0..jets.len())
-            .map(|at| std::array::from_fn(|d| weight(at) * dot(&jets[at].first[d], &residuals[at])))
+        let frames: Vec<Frame<D>> = jets(map, parameters)?
+            .iter()
+            .enumerate()
+            .map(|(at, jet)| Frame { residual: difference(&jet.value, &point(points, at)), tangents: jet.first })
             .collect();
-        let forces: Vec<Vector> = residuals.iter().enumerate().map(|(at, r)| r.map(|x| weight(at) * x)).collect();
+        let distances: Vec<f64> = frames.iter().map(Frame::distance).collect();
+        let of_start = self.snapshot.start(map, points).state;
+        let state = State { parameters, distances: &distances, ..of_start };
+        let mut equations = Equations::new(self.unknowns.pattern().clone());
+        self.objective.linearize_at(&StepStart { state, frames: &frames }, &mut equations)?;
+        let slopes: Vec<[f64; D]> = equations.points.iter().map(PointBlock::slope).collect();
+        let forces: Vec<Vector> =
+            equations.points.iter().map(|block| block.residual.map(|x| block.weight * x)).collect();
         let mut gradient = basis_sums(map.space(), parameters, &forces, map.dim())?;
-        let mut energy = 0.0;
-        for k in 0..map.dim() {
-            let column = map.coefficients().column(k).to_vec();
-            for (j, x) in self.energy.multiply(&column).into_iter().enumerate() {
-                gradient[[j, k]] += self.lambda * x;
-                energy += column[j] * x;
-            }
-        }
-        Ok((0.5 * squares + 0.5 * self.lambda * energy, self.unknowns.gradient(&place, gradient, slopes)?))
+        equations.add_gradient(&mut gradient);
+        Ok((self.objective.energy(&state)?, self.unknowns.gradient(&place, gradient, slopes)?))
     }
 
     fn cached<T>(&self, unknowns: &[f64], pick: impl Fn(f64, &[f64]) -> T) -> Result<T, argmin::core::Error> {
@@ -132,7 +142,7 @@ impl<const D: usize> Problem<'_, D> {
     }
 }
 
-impl<const D: usize> CostFunction for &Problem<'_, D> {
+impl<const D: usize> CostFunction for &Problem<'_, '_, D> {
     type Param = Vec<f64>;
     type Output = f64;
 
@@ -141,7 +151,7 @@ impl<const D: usize> CostFunction for &Problem<'_, D> {
     }
 }
 
-impl<const D: usize> Gradient for &Problem<'_, D> {
+impl<const D: usize> Gradient for &Problem<'_, '_, D> {
     type Param = Vec<f64>;
     type Gradient = Vec<f64>;
 
@@ -157,7 +167,8 @@ mod tests {
     use super::*;
     use crate::Boundary;
     use crate::points::constraint::Constraints;
-    use crate::system::StepSystem;
+    use crate::step_system::StepSystem;
+    use crate::terms::smoothing::Smoothing;
     use fit_ls::SortedPoints;
     use ndarray::Array2;
     use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SymmetricPattern, ThinPlate};
@@ -184,10 +195,17 @@ mod tests {
         let constraints = Constraints::new(parameters.view(), space.domain(), Boundary::Kept);
         let free: usize = (0..60).map(|i| constraints.free(i).iter().filter(|&&free| free).count()).sum();
         assert!(free <= 2 * 60 - 10);
-        let system = StepSystem::new(energy.clone(), 1e-3, 3).unwrap();
-        let unknowns = Unknowns::new(map.unwrap(), &points, constraints, system).unwrap();
+        let map = map.unwrap();
+        let (mut data, mut smoothing) = (Data, Smoothing::new(energy, 1e-3));
+        let system = StepSystem::new(smoothing.gram().pattern(), 3).unwrap();
+        let terms: Vec<&mut dyn Term<2>> = vec![&mut data, &mut smoothing];
+        let mut objective = Objective::new(terms);
+        let snapshot = Snapshot::new(&map, &points, |index| weights[index]).unwrap();
+        let mut equations = Equations::new(system.pattern().clone());
+        objective.freeze(&snapshot.start(&map, &points), &mut equations).unwrap();
+        let unknowns = Unknowns::new(map, &points, &constraints, equations, system).unwrap();
         assert_eq!(unknowns.len(), 3 * space.n_functions() + free);
-        let problem = Problem { unknowns, energy: &energy, lambda: 1e-3, last: Mutex::new(None) };
+        let problem = Problem { unknowns, objective: &objective, snapshot, last: Mutex::new(None) };
         // Not at the start: there the parameters have not moved with the coefficients.
         let at: Vec<f64> = (0..problem.unknowns.len()).map(|_| 1e-2 * (random() - 0.5)).collect();
         let (_, gradient) = problem.evaluate(&at).unwrap();

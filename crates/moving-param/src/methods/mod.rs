@@ -5,4 +5,4 @@ mod joint;
 mod lbfgs;
 pub(crate) mod quasi;
 pub(crate) mod square_map;
-mod unknowns;
+pub(crate) mod unknowns;

@@ -80,8 +80,8 @@ impl<const D: usize> MovingQuasi<D> {
         options: QuasiOptions,
     ) -> Result<Self, Error> {
         let method = QuasiInterpolation::new(parameters, points, weights, local)?;
-        if points.ncols() > crate::points::patch::MAX_DIM {
-            return Err(Error::Dimension { given: points.ncols(), limit: crate::points::patch::MAX_DIM });
+        if points.ncols() > crate::points::vector::MAX_DIM {
+            return Err(Error::Dimension { given: points.ncols(), limit: crate::points::vector::MAX_DIM });
         }
         if options.tolerance.is_nan() || options.tolerance < 0.0 {
             return Err(Error::Option { name: "tolerance", value: options.tolerance, allowed: "at least 0" });

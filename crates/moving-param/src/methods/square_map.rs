@@ -12,29 +12,25 @@ use faer::{MatMut, Par};
 use fit_ls::{Cholesky, FactorizationError, NormalEquations, SortedPoints};
 use ndarray::Array2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, HierarchicalSpace, KnotVector, SplineMap, SymmetricMatrix, bernstein};
+use thb_core::{CellSpace, HierarchicalSpace, KnotVector, SplineMap, bernstein};
 
-use crate::frame::{Frame, frames};
+use crate::damping::{Damping, DampingRule};
+use crate::driver::{Limits, StepProblem, minimize};
 use crate::moving::{Moves, MovingFit};
-use crate::points::patch::dot;
+use crate::points::frame::{Frame, frames_at};
 use crate::points::place::cells_of;
-use crate::terms::map_barrier::{Jacobian, Samples};
+use crate::points::vector::dot;
+use crate::terms::data::half_squares;
+use crate::terms::map_barrier::{BarrierEquations, MapBarrier};
+use crate::terms::smoothing::Smoothing;
 use crate::{Error, SquareMapOptions};
 
 /// Degree of the map, unless it has too few control points.
 const DEGREE: usize = 3;
 
-/// Damping of the first step, relative to the diagonal.
-const FIRST_DAMPING: f64 = 1e-3;
-
-/// Factors of the damping after a step that lowered the objective, and after one that did not.
-const DAMPING_FACTORS: (f64, f64) = (0.1, 10.0);
-
-/// Beyond this damping a step is nothing but a short one down the gradient.
-const MOST_DAMPING: f64 = 1e6;
-
-/// Below this damping the equations are too near to singular.
-const LEAST_DAMPING: f64 = 1e-10;
+/// The damping, relative to the diagonal. Below 1e-10 the equations are too near to singular; beyond 1e6 a step is nothing but a short
+/// one down the gradient.
+const DAMPING: DampingRule = DampingRule { first: 1e-3, least: 1e-10, most: 1e6, accept: 0.1, refuse: 10.0, pause: 0 };
 
 /// Cells of one parallel task.
 const CHUNK: usize = 16;
@@ -49,7 +45,7 @@ pub(crate) struct SquareMap<const D: usize> {
     free: Vec<(usize, usize)>,
     /// For each point, by index, the functions that do not vanish at its first parameter.
     active: Vec<Vec<(u32, f64)>>,
-    samples: Samples<D>,
+    barrier: MapBarrier<D>,
 }
 
 impl<const D: usize> SquareMap<D> {
@@ -70,8 +66,8 @@ impl<const D: usize> SquareMap<D> {
             std::array::from_fn(|d| ((row[d] - lower[d]) / (upper[d] - lower[d])).clamp(0.0, 1.0))
         };
         let active = start.outer_iter().map(|row| products(&knots, unit(row))).collect::<Result<_, Error>>()?;
-        let samples = Samples::new(&knots, std::array::from_fn(|d| upper[d] - lower[d]))?;
-        Ok(Self { knots, control_points, free, active, samples })
+        let barrier = MapBarrier::new(&knots, std::array::from_fn(|d| upper[d] - lower[d]))?;
+        Ok(Self { knots, control_points, free, active, barrier })
     }
 
     /// Control points per direction.
@@ -133,45 +129,24 @@ impl<const D: usize> MovingFit<D> {
         moves: &mut Moves,
     ) -> Result<SplineMap<D>, Error> {
         let space = map.space().clone();
-        let mut square = match self.square.take() {
+        let square = match self.square.take() {
             Some(square) => square,
             None => SquareMap::identity(options.per_side, &space, &self.start)?,
         };
-        let energy = self.fit.energy(&space)?;
+        let smoothing = self.smoothing(&space)?;
         let barrier = options.barrier * self.options.tolerance.powi(2) * self.fit.points().total_weight();
-        let mut surface = self.fit_through(&square, &space)?;
-        let mut objective = self.objective(&surface, &energy, barrier, &square)?;
-        let mut damping = FIRST_DAMPING;
-        'steps: for _ in 0..options.max_steps {
-            if self.measure(&surface)?.max <= self.options.tolerance {
-                break;
-            }
-            let equations = self.reduced_equations(&square, &surface, &energy, barrier)?;
-            let lowered = loop {
-                let next = equations.step(damping).map(|step| square.stepped(&step));
-                if let Some(next) = next.filter(|next| next.samples.least(&next.control_points) > 0.0) {
-                    let trial = self.fit_through(&next, &space)?;
-                    let new = self.objective(&trial, &energy, barrier, &next)?;
-                    if new < objective {
-                        let lowered = (objective - new) / objective;
-                        (square, surface, objective) = (next, trial, new);
-                        damping = (damping * DAMPING_FACTORS.0).max(LEAST_DAMPING);
-                        break lowered;
-                    }
-                }
-                damping *= DAMPING_FACTORS.1;
-                if damping > MOST_DAMPING {
-                    break 'steps;
-                }
-            };
-            moves.corrections += 1;
-            if lowered < options.decrease {
-                break;
-            }
-        }
+        let surface = self.fit_through(&square, &space)?;
+        let mut watch = self.watch.take();
+        let mut steps = SquareSteps { fit: self, smoothing, barrier, square, surface, equations: None, moves };
+        let limits = Limits { steps: options.max_steps, decrease: options.decrease, slow_steps: 1 };
+        let ended = minimize(&mut steps, &mut Damping::new(DAMPING), &limits, watch.as_deref_mut());
+        let SquareSteps { square, surface, .. } = steps;
+        self.watch = watch;
+        let ended = ended?;
         // The last trial may have been refused.
         self.relocate_through(&square, &space)?;
-        tracing::debug!(per_side = square.per_side(), least_jacobian = square.samples.least(&square.control_points));
+        let least_jacobian = square.barrier.least(&square.control_points);
+        tracing::debug!(per_side = square.per_side(), least_jacobian, ?ended);
         self.square = Some(square);
         Ok(surface)
     }
@@ -190,45 +165,77 @@ impl<const D: usize> MovingFit<D> {
         Ok(self.fit.relocate(&parameters, &cells)?)
     }
 
+    /// `½ Σ ω d² + ½ λ J` and the barrier, at the present parameters.
+    fn objective(
+        &mut self,
+        surface: &SplineMap<D>,
+        smoothing: &Smoothing,
+        barrier: f64,
+        square: &SquareMap<D>,
+    ) -> Result<f64, Error> {
+        let distances = self.fit.distances(surface)?.to_vec();
+        let ones = vec![1.0; distances.len()];
+        let of_points = half_squares(&distances, self.fit.points().weights().unwrap_or(&ones));
+        let of_surface = smoothing.energy_of(surface.coefficients());
+        Ok(of_points + of_surface + square.barrier.energy(&square.control_points, barrier))
+    }
+
     fn fit_through(&mut self, square: &SquareMap<D>, space: &Arc<HierarchicalSpace<D>>) -> Result<SplineMap<D>, Error> {
         self.relocate_through(square, space)?;
         Ok(self.fit.fit(space)?)
     }
+}
 
-    /// `½ Σ ω |r|² + ½ λ J + b mean(φ)` at the present parameters.
-    fn objective(
-        &mut self,
-        surface: &SplineMap<D>,
-        energy: &SymmetricMatrix,
-        barrier: f64,
-        square: &SquareMap<D>,
-    ) -> Result<f64, Error> {
-        let lambda = self.fit.lambda().unwrap_or(0.0);
-        let distances = self.fit.distances(surface)?.to_vec();
-        let points = self.fit.points();
-        let weight = |at: usize| points.weights().map_or(1.0, |w| w[at]);
-        let squares: f64 = distances.iter().enumerate().map(|(at, d)| weight(at) * d * d).sum();
-        let bending: f64 = (0..surface.dim())
-            .map(|k| {
-                let column = surface.coefficients().column(k).to_vec();
-                energy.multiply(&column).iter().zip(&column).map(|(g, c)| g * c).sum::<f64>()
-            })
-            .sum();
-        Ok(0.5 * squares + 0.5 * lambda * bending + square.samples.energy(&square.control_points, barrier))
+/// The minimization by control points of the map: the state is one of them with the surface that fits best.
+struct SquareSteps<'a, const D: usize> {
+    fit: &'a mut MovingFit<D>,
+    smoothing: Smoothing,
+    /// Weight of the barrier.
+    barrier: f64,
+    square: SquareMap<D>,
+    surface: SplineMap<D>,
+    /// Those of the present step.
+    equations: Option<Reduced>,
+    moves: &'a mut Moves,
+}
+
+impl<const D: usize> StepProblem for SquareSteps<'_, D> {
+    type Trial = (SquareMap<D>, SplineMap<D>);
+
+    fn freeze(&mut self) -> Result<Option<f64>, Error> {
+        if self.fit.measure(&self.surface)?.max <= self.fit.options.tolerance {
+            return Ok(None);
+        }
+        self.equations = Some(self.reduced_equations()?);
+        let Self { fit, smoothing, barrier, square, surface, .. } = self;
+        fit.objective(surface, smoothing, *barrier, square).map(Some)
     }
 
-    fn reduced_equations(
-        &self,
-        square: &SquareMap<D>,
-        surface: &SplineMap<D>,
-        energy: &SymmetricMatrix,
-        barrier: f64,
-    ) -> Result<Reduced, Error> {
-        let points = self.fit.points();
-        let frames = frames(surface, points)?;
+    fn trial(&mut self, damping: f64) -> Result<Option<(Self::Trial, f64)>, Error> {
+        let step = self.equations.as_ref().and_then(|equations| equations.step(damping));
+        let next = step.map(|step| self.square.stepped(&step));
+        let Some(next) = next.filter(|next| next.barrier.least(&next.control_points) > 0.0) else { return Ok(None) };
+        let surface = self.fit.fit_through(&next, self.surface.space())?;
+        let objective = self.fit.objective(&surface, &self.smoothing, self.barrier, &next)?;
+        Ok(Some(((next, surface), objective)))
+    }
+
+    fn accept(&mut self, (square, surface): Self::Trial) -> Result<(), Error> {
+        self.moves.corrections += 1;
+        (self.square, self.surface) = (square, surface);
+        Ok(())
+    }
+}
+
+impl<const D: usize> SquareSteps<'_, D> {
+    fn reduced_equations(&self) -> Result<Reduced, Error> {
+        let Self { fit, smoothing, barrier, square, surface, .. } = self;
+        let points = fit.fit.points();
+        let frames = frames_at(surface, points)?;
         let mut reduced = Reduced::of_points(square, surface, points, &frames);
-        reduced.eliminate(surface.space(), points, energy, self.fit.lambda().unwrap_or(0.0))?;
-        let Jacobian { gradient, matrix } = square.samples.equations(&square.control_points, &square.free, barrier);
+        reduced.eliminate(surface.space(), points, smoothing)?;
+        let BarrierEquations { gradient, matrix } =
+            square.barrier.linearize(&square.control_points, &square.free, *barrier);
         reduced.gradient.iter_mut().zip(gradient).for_each(|(g, x)| *g += x);
         reduced.matrix.iter_mut().zip(matrix).for_each(|(h, x)| *h += x);
         Ok(reduced)
@@ -305,9 +312,9 @@ impl Reduced {
         &mut self,
         space: &Arc<HierarchicalSpace<D>>,
         points: &SortedPoints<D>,
-        energy: &SymmetricMatrix,
-        lambda: f64,
+        smoothing: &Smoothing,
     ) -> Result<(), Error> {
+        let (gram, lambda) = (smoothing.gram(), smoothing.lambda());
         let functions = space.n_functions();
         let failed = |error| match error {
             FactorizationError::OutOfMemory => Error::Fit(fit_ls::Error::OutOfMemory { functions }),
@@ -315,8 +322,8 @@ impl Reduced {
                 Error::Minimization { reason: "the coefficients are not determined; smooth more".into() }
             }
         };
-        let NormalEquations { mut matrix, .. } = NormalEquations::new(space.as_ref(), energy.pattern(), points)?;
-        matrix.values_mut().iter_mut().zip(energy.values()).for_each(|(x, g)| *x += lambda * g);
+        let NormalEquations { mut matrix, .. } = NormalEquations::new(space.as_ref(), gram.pattern(), points)?;
+        matrix.values_mut().iter_mut().zip(gram.values()).for_each(|(x, g)| *x += lambda * g);
         let mut solver = Cholesky::new(matrix.pattern()).map_err(failed)?;
         solver.factorize(&matrix).map_err(failed)?;
         let solution = solver.solve(&self.mixed).map_err(failed)?;
@@ -387,7 +394,8 @@ impl Part {
                     (0..D).filter_map(move |d| places[j as usize * D + d].map(|place| (place as usize, d, share)))
                 })
                 .collect();
-            let metric = frame.metric();
+            let metric: [[f64; D]; D] =
+                std::array::from_fn(|a| std::array::from_fn(|b| dot(&frame.tangents[a], &frame.tangents[b])));
             let slope: [f64; D] = std::array::from_fn(|d| dot(&frame.tangents[d], &frame.residual));
             for &(a, d, share) in &moving {
                 self.gradient[a] += weight * share * slope[d];

@@ -3,13 +3,14 @@
 use fit_ls::SortedPoints;
 use ndarray::Array2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, HierarchicalSpace, MAX_DEGREE, SplineMap, bernstein};
+use thb_core::{CellSpace, HierarchicalSpace, MAX_DEGREE, SplineMap, SymmetricPattern, bernstein};
 
 use crate::Error;
-use crate::frame::{Frame, Share, columns, frames};
+use crate::equations::{Equations, PointBlock};
 use crate::points::constraint::Constraints;
-use crate::points::patch::{Jet, Patch, Vector};
-use crate::system::StepSystem;
+use crate::points::patch::{Jet, Patch};
+use crate::points::vector::Vector;
+use crate::step_system::StepSystem;
 
 /// Points of one parallel task; sums are formed task by task.
 const CHUNK: usize = 1024;
@@ -26,8 +27,8 @@ pub(crate) struct Unknowns<'a, const D: usize> {
     points: &'a SortedPoints<D>,
     /// Its matrix of steps of the coefficients is factorized.
     system: StepSystem,
-    /// By the order of the points.
-    frames: Vec<Frame<D>>,
+    /// The equations of a step from the start.
+    equations: Equations<D>,
     free: Vec<[bool; D]>,
     /// `l⁻¹`, rows and columns of directions that are not free zero.
     inverse: Vec<[[f64; D]; D]>,
@@ -47,32 +48,33 @@ pub(crate) struct Place<const D: usize> {
 }
 
 impl<'a, const D: usize> Unknowns<'a, D> {
-    /// Unknowns that are zero at a map and the present parameters.
+    /// Unknowns that are zero at a map and the present parameters, measured by the equations of a step from there.
     pub(crate) fn new(
         start: SplineMap<D>,
         points: &'a SortedPoints<D>,
-        constraints: Constraints<D>,
+        constraints: &Constraints<D>,
+        equations: Equations<D>,
         mut system: StepSystem,
     ) -> Result<Self, Error> {
-        let frames = frames(&start, points)?;
-        let weight = |at: usize| points.weights().map_or(1.0, |w| w[at]);
-        let share = |at: usize| Share { point: 0.0, damping: DAMPING, weight: weight(at) };
-        let columns = columns(points, &frames, &constraints, share);
-        let equations = system.equations(&start, points, &columns)?;
-        system.factorize(&equations)?;
+        system.factorize(&equations.reduced(start.space().as_ref(), points, constraints, DAMPING, &[])?)?;
         let free: Vec<[bool; D]> = points.order().iter().map(|&index| constraints.free(index as usize)).collect();
-        let inverse = |(at, frame): (usize, &Frame<D>)| {
-            let mut metric = frame.metric().map(|row| row.map(|x| weight(at) * x));
+        let inverse = |(at, block): (usize, &PointBlock<D>)| {
+            let mut metric = block.metric().map(|row| row.map(|x| block.weight * x));
             // Where a tangent vanishes its parameter has no unit of its own.
             (0..D).for_each(|d| metric[d][d] = if metric[d][d] > 0.0 { metric[d][d] * (1.0 + DAMPING) } else { 1.0 });
             inverse_factor(&metric, free[at])
         };
-        let inverse = frames.iter().enumerate().map(inverse).collect();
-        Ok(Self { start, points, system, frames, free, inverse })
+        let inverse = equations.points.iter().enumerate().map(inverse).collect();
+        Ok(Self { start, points, system, equations, free, inverse })
     }
 
     pub(crate) fn points(&self) -> &'a SortedPoints<D> {
         self.points
+    }
+
+    /// The pattern of the equations of one coordinate.
+    pub(crate) fn pattern(&self) -> &SymmetricPattern {
+        self.system.pattern()
     }
 
     /// The equations that measured them, to be used again.
@@ -97,7 +99,7 @@ impl<'a, const D: usize> Unknowns<'a, D> {
         let carried = jets(&SplineMap::new(space.clone(), change)?, &self.parameters())?;
         let mut moved = self.parameters();
         for (at, u) in moved.iter_mut().enumerate() {
-            let along = self.frames[at].step_against(&carried[at].value, &[0.0; D], DAMPING, self.free[at]);
+            let along = self.equations.points[at].step_against(&carried[at].value, &[0.0; D], DAMPING, self.free[at]);
             (0..D).for_each(|d| u[d] += along[d]);
             for d in (0..D).filter(|&d| self.free[at][d]) {
                 let Some((own, rest)) = y.split_first() else { break };
@@ -131,8 +133,8 @@ impl<'a, const D: usize> Unknowns<'a, D> {
             .iter()
             .enumerate()
             .map(|(at, slope)| {
-                let step = self.frames[at].step_against(&still, slope, DAMPING, self.free[at]);
-                std::array::from_fn(|k| (0..D).map(|d| step[d] * self.frames[at].tangents[d][k]).sum())
+                let step = self.equations.points[at].step_against(&still, slope, DAMPING, self.free[at]);
+                std::array::from_fn(|k| (0..D).map(|d| step[d] * self.equations.points[at].tangents[d][k]).sum())
             })
             .collect();
         let (n, dim) = by_coefficients.dim();

@@ -2,7 +2,8 @@
 
 use thb_core::SmallCholesky;
 
-use crate::points::patch::{Jet, Vector, difference, dot};
+use crate::points::patch::Jet;
+use crate::points::vector::{Vector, difference, dot};
 
 /// How the squared distance is minimized. The others are there to be compared with.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,11 +9,13 @@ use rayon::prelude::*;
 use thb_core::{BezierMap, CellSpace, ClosestPoints, HierarchicalSpace, SplineMap};
 
 use crate::Error;
+use crate::equations::{PointBlock, Spring};
 use crate::points::constraint::Constraints;
 use crate::points::descent::{Descent, DescentState, Local};
-use crate::points::patch::{MAX_DIM, Patch, Vector, difference, dot};
+use crate::points::patch::Patch;
 use crate::points::samples::Samples;
-use crate::terms::springs::Anchor;
+use crate::points::vector::{MAX_DIM, Vector, difference, dot, point};
+use crate::safeguards::Parameters;
 
 /// Where the search for a foot point starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,30 +97,28 @@ pub fn foot_points<const D: usize>(
     constraints: &Constraints<D>,
     options: &FootPointOptions,
 ) -> Result<FootPoints<D>, Error> {
-    foot_points_from(map, points, None, None, constraints, options)
+    foot_points_from(map, points, None, &[], constraints, options)
 }
 
-/// Parameters to start from instead of the present ones, with their cells; in the order of the points.
-pub(crate) type Starts<'a, const D: usize> = (&'a [[f64; D]], &'a [u32]);
-
-/// As [`foot_points`], of points that may hang on springs. What moved is counted from the present parameters, wherever the
-/// search starts; distances are without the springs.
+/// As [`foot_points`], from other parameters than the present ones where there are any, of points that hang on the springs of their
+/// blocks where there are blocks. What moved is counted from the present parameters, wherever the search starts; distances are without
+/// the springs.
 pub(crate) fn foot_points_from<const D: usize>(
     map: &SplineMap<D>,
     points: &SortedPoints<D>,
-    starts: Option<Starts<'_, D>>,
-    anchor: Option<&Anchor<D>>,
+    starts: Option<&Parameters<D>>,
+    blocks: &[PointBlock<D>],
     constraints: &Constraints<D>,
     options: &FootPointOptions,
 ) -> Result<FootPoints<D>, Error> {
     check(map, points)?;
-    let search = Search { anchor, ..Search::new(map, options)? };
+    let search = Search::new(map, options)?;
     let chunks: Vec<Vec<Found<D>>> = (0..points.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
             let range = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(points.len());
             // PERF: the vectors of the machine at hand; sums and products are rounded alike everywhere.
-            pulp::Arch::new().dispatch(Chunk { search: &search, points, starts, constraints, range })
+            pulp::Arch::new().dispatch(Chunk { search: &search, points, starts, blocks, constraints, range })
         })
         .collect();
     let mut result = FootPoints {
@@ -164,7 +164,8 @@ pub(crate) fn seek_anew<const D: usize>(
         let cell = offsets.partition_point(|&o| o <= at) - 1;
         let mut patch = Patch::new(search.map, cell);
         let free = constraints.free(points.order()[at] as usize);
-        let found = search.find(&mut patch, &Target::new(points, at), cell, points.parameter(at), free);
+        let target = Target { point: point(points, at), spring: None };
+        let found = search.find(&mut patch, &target, cell, points.parameter(at), free);
         (found.u, found.cell as u32)
     };
     Ok(positions.par_iter().map(of).collect())
@@ -174,7 +175,8 @@ pub(crate) fn seek_anew<const D: usize>(
 struct Chunk<'a, const D: usize> {
     search: &'a Search<'a, D>,
     points: &'a SortedPoints<D>,
-    starts: Option<Starts<'a, D>>,
+    starts: Option<&'a Parameters<D>>,
+    blocks: &'a [PointBlock<D>],
     constraints: &'a Constraints<D>,
     range: Range<usize>,
 }
@@ -184,7 +186,7 @@ impl<const D: usize> WithSimd for Chunk<'_, D> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
-        let Self { search, points, starts, constraints, range } = self;
+        let Self { search, points, starts, blocks, constraints, range } = self;
         let offsets = points.offsets();
         let mut cell = offsets.partition_point(|&o| o <= range.start) - 1;
         let mut patch = Patch::new(search.map, cell);
@@ -195,17 +197,21 @@ impl<const D: usize> WithSimd for Chunk<'_, D> {
             }
             let free = constraints.free(points.order()[at] as usize);
             let (cell, u) = match starts {
-                Some((parameters, cells)) => (cells[at] as usize, parameters[at]),
+                Some(starts) => (starts.cells[at] as usize, starts.values[at]),
                 None => (cell, points.parameter(at)),
             };
-            found.push(search.find(&mut patch, &Target::new(points, at), cell, u, free));
+            let target = Target { point: point(points, at), spring: blocks.get(at).map(|block| block.spring) };
+            found.push(search.find(&mut patch, &target, cell, u, free));
         }
         found
     }
 }
 
 /// Checks that points and map fit together.
-pub(crate) fn check<const D: usize>(map: &SplineMap<D>, points: &SortedPoints<D>) -> Result<(), Error> {
+pub(crate) fn check<const D: usize, S: CellSpace<D>>(
+    map: &SplineMap<D, S>,
+    points: &SortedPoints<D>,
+) -> Result<(), Error> {
     if points.dim() > MAX_DIM {
         return Err(Error::Dimension { given: points.dim(), limit: MAX_DIM });
     }
@@ -220,23 +226,10 @@ pub(crate) fn check<const D: usize>(map: &SplineMap<D>, points: &SortedPoints<D>
     Ok(())
 }
 
-/// A sorted point, padded.
-pub(crate) fn point<const D: usize>(points: &SortedPoints<D>, at: usize) -> Vector {
-    let mut target = [0.0; 4];
-    (0..points.dim()).for_each(|k| target[k] = points.coordinates(k)[at]);
-    target
-}
-
 /// A point whose foot point is sought.
-struct Target {
+struct Target<const D: usize> {
     point: Vector,
-    index: usize,
-}
-
-impl Target {
-    fn new<const D: usize>(points: &SortedPoints<D>, at: usize) -> Self {
-        Self { point: point(points, at), index: points.order()[at] as usize }
-    }
+    spring: Option<Spring<D>>,
 }
 
 /// A parameter reached by the search.
@@ -257,7 +250,6 @@ struct Search<'a, const D: usize> {
     options: FootPointOptions,
     samples: Option<Samples<D>>,
     global: Option<ClosestPoints<D>>,
-    anchor: Option<&'a Anchor<D>>,
 }
 
 impl<'a, const D: usize> Search<'a, D> {
@@ -268,20 +260,11 @@ impl<'a, const D: usize> Search<'a, D> {
         };
         let global = (options.start == Start::Global).then(|| ClosestPoints::new(map.bezier().clone())).transpose()?;
         let (domain, periodic) = (map.space().domain(), map.space().periodic());
-        Ok(Self {
-            space: map.space(),
-            map: map.bezier(),
-            domain,
-            periodic,
-            options: *options,
-            samples,
-            global,
-            anchor: None,
-        })
+        Ok(Self { space: map.space(), map: map.bezier(), domain, periodic, options: *options, samples, global })
     }
 
     #[inline(always)]
-    fn find(&self, patch: &mut Patch<D>, target: &Target, cell: usize, u: [f64; D], free: [bool; D]) -> Found<D> {
+    fn find(&self, patch: &mut Patch<D>, target: &Target<D>, cell: usize, u: [f64; D], free: [bool; D]) -> Found<D> {
         let point = &target.point;
         let unconstrained = free.iter().all(|f| *f);
         let mut best = match self.options.start {
@@ -348,7 +331,7 @@ impl<'a, const D: usize> Search<'a, D> {
     fn descend(
         &self,
         patch: &mut Patch<D>,
-        target: &Target,
+        target: &Target<D>,
         cell: usize,
         start: [f64; D],
         free: [bool; D],
@@ -395,21 +378,17 @@ impl<'a, const D: usize> Search<'a, D> {
         }
         // On the edge between two cells the point belongs to the upper one.
         let cell = if patch.owns(u) { patch.cell() } else { self.space.locate_cell(u).unwrap_or(patch.cell()) };
-        let spring = self.anchor.map_or(0.0, |anchor| anchor.squared(target.index, u));
+        let spring = target.spring.map_or(0.0, |spring| spring.squared(self.space, u));
         Found { u, cell, squared: (local.squared - spring).max(0.0), steps }
     }
 
     /// The squared distance and the spring's energy at a parameter of the patch.
     #[inline(always)]
-    fn local(&self, patch: &Patch<D>, target: &Target, u: [f64; D]) -> Local<D> {
+    fn local(&self, patch: &Patch<D>, target: &Target<D>, u: [f64; D]) -> Local<D> {
         let local = Local::new(&patch.jet(u), &target.point);
-        match self.anchor {
+        match &target.spring {
             None => local,
-            Some(anchor) => local.anchored(
-                anchor.squared(target.index, u),
-                anchor.pull(target.index, u),
-                anchor.stiffness(target.index),
-            ),
+            Some(spring) => local.anchored(spring.squared(self.space, u), spring.pull(self.space, u), spring.stiffness),
         }
     }
 }

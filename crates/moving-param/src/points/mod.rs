@@ -3,6 +3,8 @@
 pub(crate) mod constraint;
 pub(crate) mod descent;
 pub(crate) mod foot_point;
+pub(crate) mod frame;
 pub(crate) mod patch;
 pub(crate) mod place;
 pub(crate) mod samples;
+pub(crate) mod vector;

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use thb_core::BezierMap;
 
 use crate::Error;
-use crate::points::patch::{MAX_DIM, Patch, Vector};
+use crate::points::patch::Patch;
+use crate::points::vector::{MAX_DIM, Vector};
 
 /// Most samples along a side.
 const MOST_PER_LINE: usize = 512;

@@ -1,8 +1,10 @@
 //! Triangles of the parameters, and the barrier against folding them.
 
-use fit_ls::SortedPoints;
+use thb_core::{CellSpace, SplineMap};
 
 use crate::Error;
+use crate::safeguards::{Admission, Parameters, Safeguard};
+use crate::state::State;
 
 /// A triangulation of the points, by index, whose triangles must not change their orientation in the parameter plane.
 #[derive(Clone, Debug)]
@@ -58,38 +60,64 @@ impl Triangles {
     }
 
     /// Halves the moves of the corners of flipped triangles until no further triangle flips; what is flipped before stays.
-    /// Parameters are those of the sorted points, `moved` the ones they should get; triangles with a corner of weight 0 may flip. Returns
+    /// `moved` are the parameters that points should get; triangles with a corner of weight 0 may flip. Returns
     /// for each point whether its move was shortened; what was may then lie a period away.
-    pub(crate) fn hold<const D: usize>(&self, points: &SortedPoints<D>, moved: &mut [[f64; D]]) -> Vec<bool> {
-        let at_of = points.places();
+    fn hold<const D: usize, S: CellSpace<D>>(&self, from: &State<'_, D, S>, moved: &mut [[f64; D]]) -> Vec<bool> {
+        let places = from.places;
         let pair = |u: [f64; D]| [u[0], u[D - 1]];
-        let counts = |i: usize| points.weights().is_none_or(|weights| weights[at_of[i]] > 0.0);
-        let before = self.flipped(|i| pair(points.parameter(at_of[i])), counts);
+        let counts = |i: usize| from.counts(places[i]);
+        let before = self.flipped(|i| pair(from.parameters[places[i]]), counts);
         let target = moved.to_vec();
-        let mut halvings = vec![0_u8; points.len()];
+        let mut halvings = vec![0_u8; moved.len()];
         loop {
-            let flipped = self.flipped(|i| pair(moved[at_of[i]]), counts);
+            let flipped = self.flipped(|i| pair(moved[places[i]]), counts);
             let mut changed = false;
-            let mut hit = vec![false; points.len()];
+            let mut hit = vec![false; moved.len()];
             for triangle in flipped {
                 if before.binary_search(&triangle).is_err() {
-                    self.corners[triangle].iter().for_each(|&c| hit[at_of[c as usize]] = true);
+                    self.corners[triangle].iter().for_each(|&c| hit[places[c as usize]] = true);
                 }
             }
-            for at in 0..points.len() {
+            for at in 0..moved.len() {
                 if hit[at] && halvings[at] < MAX_HALVINGS {
                     halvings[at] += 1;
                     changed = true;
                     let share = if halvings[at] == MAX_HALVINGS { 0.0 } else { 0.5_f64.powi(i32::from(halvings[at])) };
-                    let from = points.parameter(at);
-                    let way = |d: usize| nearest_image(target[at][d] - from[d], self.periods[usize::from(d > 0)]);
-                    moved[at] = std::array::from_fn(|d| from[d] + share * way(d));
+                    let start = from.parameters[at];
+                    let way = |d: usize| nearest_image(target[at][d] - start[d], self.periods[usize::from(d > 0)]);
+                    moved[at] = std::array::from_fn(|d| start[d] + share * way(d));
                 }
             }
             if !changed {
                 return halvings.iter().map(|&h| h > 0).collect();
             }
         }
+    }
+}
+
+/// Makes moves shorter until no further triangle flips.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FlippingTriangles<'a>(pub(crate) &'a Triangles);
+
+impl<const D: usize, S: CellSpace<D>> Safeguard<D, S> for FlippingTriangles<'_> {
+    fn name(&self) -> &'static str {
+        "flipping triangles"
+    }
+
+    fn admit_parameters(
+        &self,
+        from: &State<'_, D, S>,
+        map: &SplineMap<D, S>,
+        moved: &mut Parameters<D>,
+    ) -> Result<Admission, Error> {
+        let shortened = self.0.hold(from, &mut moved.values);
+        let mut points = 0;
+        for at in (0..shortened.len()).filter(|&at| shortened[at]) {
+            moved.values[at] = map.space().to_domain(moved.values[at]);
+            moved.cells[at] = map.space().locate_cell(moved.values[at])? as u32;
+            points += 1;
+        }
+        Ok(if points == 0 { Admission::Unchanged } else { Admission::Changed(points) })
     }
 }
 

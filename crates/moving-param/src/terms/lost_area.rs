@@ -1,12 +1,19 @@
 //! A penalty that keeps surfaces from folding over.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 use ndarray::Array2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap, SymmetricMatrix, bernstein};
+use thb_core::{CellSpace, SplineMap, bernstein};
 
-use crate::Error;
-use crate::points::patch::{Vector, cross, dot, unit};
-use crate::system::{StepSystem, stepped};
+use crate::equations::Linearization;
+use crate::points::vector::{Vector, cross, dot, unit};
+use crate::safeguards::Safeguard;
+use crate::safeguards::turned_cells::TurnedCells;
+use crate::state::{State, StepStart};
+use crate::term::Term;
+use crate::terms::data::half_squares;
+use crate::{Error, JointOptions};
 
 /// Samples per direction and cell, those at its ends included: surfaces crease where knot lines lose their area first. Folds
 /// are narrower than cells; of 4 and 8 samples only 8 kept them out.
@@ -18,24 +25,93 @@ const PER_CELL: usize = SAMPLES * SAMPLES;
 /// `ε`: the share of its cell's mean area below which a sample is pushed.
 const LEAST_AREA: f64 = 0.2;
 
-/// Times that a step is computed anew because further samples would fold.
-const EXTENSIONS: usize = 3;
-
-/// What is kept, in turn, of the step of the functions around samples that still turn over.
-const KEPT: [f64; 6] = [0.5, 0.5, 0.0, 0.0, 0.0, 0.0];
-
-/// Adds `½ ω Σ_g max(0, ε − J_g)²` to the objective of the joint method, over samples g of all cells of a surface in space.
+/// `½ ω Σ_g max(0, ε − J_g)²` over samples g of all cells of a surface in space.
 ///
 /// `J_g = (S_u × S_v) · n_g / a_g` says how the area around a sample has changed against the map before the step, which has
 /// the mean unit normal `n_g` around the sample and the mean area `a_g` in its cell. Where parameters move, points can
 /// leave a part of the domain whose image then folds at no distance from any of them.
+///
+/// Held constant during a step: `n_g`, `a_g` and `ω = 2 ρ max(½ Σ ω_i d_i², ½ τ² Σ ω_i) / samples` for
+/// ρ = [`JointOptions::regularity`] and the tolerance τ. As long as distances are beyond the tolerance folds cost as much as they do: for
+/// less a step would fold first, and then not be taken.
+///
+/// Active are the samples with `J_g < ε`. A step that turns samples over is made shorter there ([`TurnedCells`]).
 #[derive(Debug)]
-pub(crate) struct Regularity {
+pub(crate) struct LostArea {
+    samples: AreaSamples,
+    /// ρ.
+    regularity: f64,
+    /// τ.
+    tolerance: f64,
+    /// The surface before the step, once there is one.
+    sheet: Option<Sheet>,
+}
+
+impl LostArea {
+    /// For surfaces of a degree.
+    pub(crate) fn new<const D: usize>(degree: [usize; D], options: &JointOptions, tolerance: f64) -> Self {
+        Self { samples: AreaSamples::new(degree), regularity: options.regularity, tolerance, sheet: None }
+    }
+
+    /// The low and turned samples of a map, if there is a surface to compare it with.
+    fn folds<const D: usize, S: CellSpace<D>>(&self, map: &SplineMap<D, S>) -> Option<Arc<Folds>> {
+        self.sheet.as_ref().map(|sheet| sheet.folds(&self.samples, map))
+    }
+}
+
+impl<const D: usize, S: CellSpace<D>> Term<D, S> for LostArea {
+    fn name(&self) -> &'static str {
+        "lost area"
+    }
+
+    fn freeze(&mut self, at: &StepStart<'_, D, S>) -> Result<(), Error> {
+        let State { map, points, distances, weights, .. } = at.state;
+        let of_tolerance = 0.5 * self.tolerance.powi(2) * points.total_weight();
+        let level = half_squares(distances, weights).max(of_tolerance);
+        let weight = self.regularity * 2.0 * level / map.space().n_cells() as f64;
+        self.sheet = Some(Sheet::new(&self.samples, map, weight));
+        Ok(())
+    }
+
+    fn energy(&self, at: &State<'_, D, S>) -> Result<f64, Error> {
+        Ok(self.folds(at.map).map_or(0.0, |folds| folds.energy))
+    }
+
+    fn active(&self, map: &SplineMap<D, S>) -> Vec<u32> {
+        self.folds(map).map_or_else(Vec::new, |folds| folds.low.clone())
+    }
+
+    fn linearize(
+        &self,
+        at: &StepStart<'_, D, S>,
+        active: &[u32],
+        into: &mut Linearization<'_, D>,
+    ) -> Result<(), Error> {
+        let Some(sheet) = &self.sheet else { return Ok(()) };
+        let of_one_cell = |a: &u32, b: &u32| a / PER_CELL as u32 == b / PER_CELL as u32;
+        let cells: Vec<&[u32]> = active.chunk_by(of_one_cell).collect();
+        let parts: Vec<CellPart> =
+            cells.into_par_iter().map(|low| sheet.part(&self.samples, at.state.map, low)).collect();
+        for CellPart { unknowns, matrix, right } in parts {
+            into.coefficients.add_cell(unknowns, matrix, right);
+        }
+        Ok(())
+    }
+
+    fn safeguard(&self) -> Option<Box<dyn Safeguard<D, S> + '_>> {
+        let sheet = self.sheet.as_ref()?;
+        Some(Box::new(TurnedCells { samples: &self.samples, sheet }))
+    }
+}
+
+/// Samples of the area of surfaces of one degree.
+#[derive(Debug)]
+pub(crate) struct AreaSamples {
     /// For each sample of a cell the derivatives of the Bernstein polynomials in both directions, on the unit square.
     slopes: Vec<[Vec<f64>; 2]>,
 }
 
-impl Regularity {
+impl AreaSamples {
     /// For surfaces of a degree.
     pub(crate) fn new<const D: usize>(degree: [usize; D]) -> Self {
         let [p, q] = [degree[0], degree[D - 1]];
@@ -53,7 +129,7 @@ impl Regularity {
     }
 
     /// `S_u` and `S_v` at a sample.
-    fn tangents<const D: usize>(&self, map: &SplineMap<D>, sample: usize) -> [Vector; 2] {
+    fn tangents<const D: usize, S: CellSpace<D>>(&self, map: &SplineMap<D, S>, sample: usize) -> [Vector; 2] {
         let bezier = map.bezier();
         let (cell, local) = (sample / PER_CELL, sample % PER_CELL);
         let coefficients = bezier.cell_coefficients(cell);
@@ -68,24 +144,18 @@ impl Regularity {
     }
 
     /// `S_u × S_v` at all samples.
-    fn area_vectors<const D: usize>(&self, map: &SplineMap<D>) -> Vec<Vector> {
+    fn area_vectors<const D: usize, S: CellSpace<D>>(&self, map: &SplineMap<D, S>) -> Vec<Vector> {
         let area = |sample: usize| {
             let [u, v] = self.tangents(map, sample);
             cross(&u, &v)
         };
         (0..map.space().n_cells() * PER_CELL).into_par_iter().with_min_len(PER_CELL).map(area).collect()
     }
-
-    /// Whether a surface has turned over at samples where one before it had not.
-    pub(crate) fn turned<const D: usize>(&self, map: &SplineMap<D>, before: &SplineMap<D>) -> bool {
-        let sheet = Sheet::new(self, before, 0.0);
-        sheet.turns_more(&sheet.folds(map))
-    }
 }
 
 /// A surface before a step, at the samples.
-pub(crate) struct Sheet<'a, const D: usize> {
-    regularity: &'a Regularity,
+#[derive(Debug)]
+pub(crate) struct Sheet {
     /// `ω`.
     weight: f64,
     /// `n_g`.
@@ -93,11 +163,13 @@ pub(crate) struct Sheet<'a, const D: usize> {
     /// `a_g` of each cell.
     areas: Vec<f64>,
     own: Folds,
+    /// The coefficients that were looked at last, and what was found: the term and its safeguard ask for the same ones.
+    last: Mutex<Option<(Array2<f64>, Arc<Folds>)>>,
 }
 
 /// What a surface costs.
 #[derive(Clone, Debug)]
-struct Folds {
+pub(crate) struct Folds {
     energy: f64,
     /// Samples below `ε`, increasing.
     low: Vec<u32>,
@@ -105,28 +177,42 @@ struct Folds {
     turned: Vec<u32>,
 }
 
-impl<'a, const D: usize> Sheet<'a, D> {
+impl Sheet {
     /// The sheet of a map, with the weight `64 ω` of a cell.
-    pub(crate) fn new(regularity: &'a Regularity, map: &SplineMap<D>, weight: f64) -> Self {
-        let vectors = regularity.area_vectors(map);
+    pub(crate) fn new<const D: usize, S: CellSpace<D>>(
+        samples: &AreaSamples,
+        map: &SplineMap<D, S>,
+        weight: f64,
+    ) -> Self {
+        let vectors = samples.area_vectors(map);
         let areas = vectors
             .chunks_exact(PER_CELL)
             .map(|cell| cell.iter().map(|v| dot(v, v).sqrt()).sum::<f64>() / PER_CELL as f64);
         let normals = vectors.chunks_exact(PER_CELL).flat_map(|cell| (0..PER_CELL).map(|g| mean_normal(cell, g)));
         let (areas, normals) = (areas.collect(), normals.collect());
         let own = Folds { energy: 0.0, low: Vec::new(), turned: Vec::new() };
-        let mut sheet = Self { regularity, weight: weight / PER_CELL as f64, normals, areas, own };
+        let mut sheet = Self { weight: weight / PER_CELL as f64, normals, areas, own, last: Mutex::new(None) };
         sheet.own = sheet.folds_among(&vectors);
+        sheet.last = Mutex::new(Some((map.coefficients().to_owned(), Arc::new(sheet.own.clone()))));
         sheet
     }
 
-    /// What the surface before the step costs.
-    pub(crate) fn energy(&self) -> f64 {
-        self.own.energy
-    }
-
-    fn folds(&self, map: &SplineMap<D>) -> Folds {
-        self.folds_among(&self.regularity.area_vectors(map))
+    /// The low and turned samples of a map.
+    pub(crate) fn folds<const D: usize, S: CellSpace<D>>(
+        &self,
+        samples: &AreaSamples,
+        map: &SplineMap<D, S>,
+    ) -> Arc<Folds> {
+        // What another thread left behind when it failed is a whole pair still.
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        match last.as_ref() {
+            Some((coefficients, folds)) if coefficients == map.coefficients() => folds.clone(),
+            _ => {
+                let folds = Arc::new(self.folds_among(&samples.area_vectors(map)));
+                *last = Some((map.coefficients().to_owned(), folds.clone()));
+                folds
+            }
+        }
     }
 
     fn folds_among(&self, vectors: &[Vector]) -> Folds {
@@ -143,12 +229,12 @@ impl<'a, const D: usize> Sheet<'a, D> {
     }
 
     /// Whether more samples have turned over than before the step.
-    fn turns_more(&self, folds: &Folds) -> bool {
+    pub(crate) fn turns_more(&self, folds: &Folds) -> bool {
         folds.turned.len() > self.own.turned.len()
     }
 
     /// The functions of the cells with samples that had not turned over before, increasing.
-    fn around_turned(&self, space: &HierarchicalSpace<D>, folds: &Folds) -> Vec<u32> {
+    pub(crate) fn around_turned<const D: usize, S: CellSpace<D>>(&self, space: &S, folds: &Folds) -> Vec<u32> {
         let new = folds.turned.iter().filter(|sample| self.own.turned.binary_search(sample).is_err());
         let mut cells: Vec<usize> = new.map(|&sample| sample as usize / PER_CELL).collect();
         cells.dedup();
@@ -164,34 +250,28 @@ impl<'a, const D: usize> Sheet<'a, D> {
         if area > 0.0 { dot(vector, &self.normals[sample]) / area } else { 1.0 }
     }
 
-    /// Adds the linearized penalty of some samples, increasing, to the equations of a step from the map of this sheet.
-    fn add(&self, map: &SplineMap<D>, low: &[u32], matrix: &mut SymmetricMatrix, right: &mut Array2<f64>) {
-        let of_one_cell = |a: &u32, b: &u32| a / PER_CELL as u32 == b / PER_CELL as u32;
-        let cells: Vec<&[u32]> = low.chunk_by(of_one_cell).collect();
-        let parts: Vec<CellPart> = cells.into_par_iter().map(|samples| self.part(map, samples)).collect();
-        for CellPart { unknowns, matrix: values, right: pull } in parts {
-            matrix.add_cell(&unknowns, &values);
-            unknowns.iter().zip(pull).for_each(|(&unknown, x)| right[[unknown as usize, 0]] += x);
-        }
-    }
-
     /// The linearized penalty of samples of one cell.
-    fn part(&self, map: &SplineMap<D>, samples: &[u32]) -> CellPart {
-        let number = samples[0] as usize / PER_CELL;
+    fn part<const D: usize, S: CellSpace<D>>(
+        &self,
+        samples: &AreaSamples,
+        map: &SplineMap<D, S>,
+        low: &[u32],
+    ) -> CellPart {
+        let number = low[0] as usize / PER_CELL;
         let (cell, area) = (map.space().cell(number), self.areas[number]);
         let size = cell.size();
         let unknowns: Vec<u32> = cell.functions.iter().flat_map(|&f| (0..3).map(move |k| 3 * f + k)).collect();
         let n = unknowns.len();
         let mut part = CellPart { unknowns, matrix: vec![0.0; n * n], right: vec![0.0; n] };
         let (mut gradient, mut scratch) = (Vec::new(), Vec::new());
-        for sample in samples.iter().map(|&g| g as usize) {
+        for sample in low.iter().map(|&g| g as usize) {
             let normal = &self.normals[sample];
-            let [u, v] = self.regularity.tangents(map, sample);
+            let [u, v] = samples.tangents(map, sample);
             let lack = self.weight * (LEAST_AREA - self.share(sample, &cross(&u, &v)));
             // dJ = (dS_u · (S_v × n) + dS_v · (n × S_u)) / a.
             let along =
                 [cross(&v, normal).map(|x| x / (size[0] * area)), cross(normal, &u).map(|x| x / (size[D - 1] * area))];
-            let [across_u, across_v] = &self.regularity.slopes[sample % PER_CELL];
+            let [across_u, across_v] = &samples.slopes[sample % PER_CELL];
             gradient.clear();
             for (a, b) in across_u.iter().zip(across_v) {
                 gradient.extend((0..3).map(|k| a * along[0][k] + b * along[1][k]));
@@ -225,120 +305,4 @@ fn mean_normal(cell: &[Vector], sample: usize) -> Vector {
         }
     }
     unit(sum)
-}
-
-/// The map after the step that solves the equations and, where there is a sheet, keeps its samples from folding; and what
-/// it costs. Where samples would turn over the functions around them are held back; the others go on. `None` if the equations are
-/// singular, or more samples turn over than had before.
-pub(crate) fn step<const D: usize>(
-    system: &mut StepSystem,
-    equations: &fit_ls::BlockEquations,
-    map: &SplineMap<D>,
-    sheet: Option<&Sheet<'_, D>>,
-) -> Result<Option<(SplineMap<D>, f64)>, Error> {
-    let (space, coefficients) = (map.space(), map.coefficients().to_owned());
-    let none = Vec::new();
-    let Some(sheet) = sheet else {
-        let step = system.step(equations, 0.0, &none, |_, _| ())?;
-        return step.map(|step| Ok((stepped(space, &coefficients, &step)?, 0.0))).transpose();
-    };
-    let mut low = sheet.own.low.clone();
-    let mut extensions = 0;
-    loop {
-        let solved = system.step(equations, 0.0, &none, |matrix, right| sheet.add(map, &low, matrix, right))?;
-        let Some(mut step) = solved else { return Ok(None) };
-        let mut trial = stepped(space, &coefficients, &step)?;
-        let mut folds = sheet.folds(&trial);
-        let known = low.len();
-        low.extend(&folds.low);
-        low.sort_unstable();
-        low.dedup();
-        if low.len() > known && extensions < EXTENSIONS {
-            extensions += 1;
-            continue;
-        }
-        for kept in KEPT {
-            if !sheet.turns_more(&folds) {
-                break;
-            }
-            let functions = sheet.around_turned(space.as_ref(), &folds);
-            for function in functions {
-                step.row_mut(function as usize).mapv_inplace(|x| kept * x);
-            }
-            trial = stepped(space, &coefficients, &step)?;
-            folds = sheet.folds(&trial);
-        }
-        return Ok((!sheet.turns_more(&folds)).then_some((trial, folds.energy)));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use ndarray::Array2;
-    use std::sync::Arc;
-    use thb_core::{HierarchicalSpace, Kind, KnotVector, SymmetricPattern};
-
-    /// A slightly bent sheet over the Greville sites, with one site moved in x.
-    fn sheet(moved: f64) -> SplineMap<2> {
-        let knots = KnotVector::uniform(2, 4).unwrap();
-        let sites = knots.greville();
-        let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
-        let n = sites.len();
-        let mut coefficients = Array2::from_shape_fn((n * n, 3), |(i, k)| {
-            let (u, v) = (sites[i % n], sites[i / n]);
-            [u, v, 0.1 * (u * u + 0.5 * u * v)][k]
-        });
-        coefficients[[n * (n / 2) + n / 2, 0]] += moved;
-        SplineMap::new(space, coefficients).unwrap()
-    }
-
-    #[test]
-    fn a_site_pushed_beyond_its_neighbours_turns_the_surface() {
-        let turned = |moved: f64| Regularity::new([2, 2]).turned(&sheet(moved), &sheet(0.0));
-        assert!(!turned(0.0));
-        assert!(!turned(0.1));
-        assert!(turned(0.9));
-    }
-
-    #[test]
-    fn functions_are_held_back_around_samples_that_turn_and_nowhere_else() {
-        let (flat, folded) = (sheet(0.0), sheet(0.9));
-        let regularity = Regularity::new([2, 2]);
-        let before = Sheet::new(&regularity, &flat, 0.0);
-        let around = before.around_turned(flat.space(), &before.folds(&folded));
-        // Of 6 × 6 functions the one in column 3 of row 3 was moved.
-        assert!(around.contains(&21) && around.len() < 36, "{around:?}");
-        // What had turned before is no reason.
-        let own = Sheet::new(&regularity, &folded, 0.0);
-        assert!(own.around_turned(flat.space(), &own.folds(&folded)).is_empty());
-    }
-
-    #[test]
-    fn the_linearized_penalty_has_the_gradient_of_the_penalty() {
-        let map = sheet(0.42);
-        let before = sheet(0.0);
-        let regularity = Regularity::new([2, 2]);
-        // Against the sheet of the map itself nothing is low; against the one before it something is.
-        let sheet = Sheet::new(&regularity, &before, 640.0);
-        let folds = sheet.folds(&map);
-        assert!(!folds.low.is_empty() && folds.energy > 0.0);
-        let pattern = SymmetricPattern::new(map.space().as_ref()).blocked(3);
-        let mut matrix = SymmetricMatrix::zeros(&pattern);
-        let mut right = Array2::zeros((pattern.n(), 1));
-        sheet.add(&map, &folds.low, &mut matrix, &mut right);
-        let mut largest = 0.0_f64;
-        for unknown in 0..pattern.n() {
-            let energy = |shift: f64| {
-                let mut coefficients = map.coefficients().to_owned();
-                coefficients[[unknown / 3, unknown % 3]] += shift;
-                sheet.folds(&SplineMap::new(map.space().clone(), coefficients).unwrap()).energy
-            };
-            let h = 1e-6;
-            let slope = (energy(h) - energy(-h)) / (2.0 * h);
-            assert!((slope + right[[unknown, 0]]).abs() < 1e-5 * (1.0 + slope.abs()), "{unknown}: {slope} {right:?}");
-            largest = largest.max(slope.abs());
-        }
-        assert!(largest > 0.1, "{largest}");
-    }
 }

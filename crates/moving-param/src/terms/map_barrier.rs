@@ -1,4 +1,4 @@
-//! The Jacobian of a map of a box to itself, and the barrier that keeps it positive.
+//! The barrier that keeps the Jacobian of a map of a box to itself positive.
 
 use thb_core::KnotVector;
 
@@ -7,9 +7,13 @@ use crate::Error;
 /// Samples per direction and span of the knots, those at its ends included.
 const PER_SPAN: usize = 4;
 
-/// Samples of the Jacobian determinant, over the unit cube.
+/// `w mean_g (J_g − 1 − ln J_g)` over samples g of the unit cube, `J_g` the determinant of the derivative of the map there, relative to the
+/// box: least for the identity, infinite where the map folds. Nothing is held constant.
+///
+/// It is a function of the control points of the map that moves the parameters, not of the coefficients of the surface: so it is
+/// no [`Term`](crate::Term), but has what one has.
 #[derive(Clone, Debug)]
-pub(crate) struct Samples<const D: usize> {
+pub(crate) struct MapBarrier<const D: usize> {
     /// For each sample the functions that do not vanish there, with their gradients.
     active: Vec<Vec<(u32, [f64; D])>>,
     /// Edge lengths of the box, by which the determinant is divided: 1 for the identity.
@@ -17,13 +21,13 @@ pub(crate) struct Samples<const D: usize> {
 }
 
 /// Gradient and Gauss–Newton matrix of the barrier, row-major.
-pub(crate) struct Jacobian {
+pub(crate) struct BarrierEquations {
     pub(crate) gradient: Vec<f64>,
     pub(crate) matrix: Vec<f64>,
 }
 
-impl<const D: usize> Samples<D> {
-    /// Samples of maps with the given knots in all directions, of a box with the given edges.
+impl<const D: usize> MapBarrier<D> {
+    /// The barrier of maps with the given knots in all directions, of a box with the given edges.
     pub(crate) fn new(knots: &KnotVector, lengths: [f64; D]) -> Result<Self, Error> {
         let per_line = knots.n_spans() * (PER_SPAN - 1) + 1;
         let lines = (0..per_line)
@@ -68,7 +72,7 @@ impl<const D: usize> Samples<D> {
         determinants.fold(f64::INFINITY, f64::min)
     }
 
-    /// `w` times the mean of `J − 1 − ln J`, which is least for the identity and infinite where the map folds.
+    /// The energy of a map, with the weight w.
     pub(crate) fn energy(&self, control_points: &[[f64; D]], weight: f64) -> f64 {
         if weight == 0.0 {
             return 0.0;
@@ -81,9 +85,14 @@ impl<const D: usize> Samples<D> {
     }
 
     /// Its derivatives with respect to some components of control points.
-    pub(crate) fn equations(&self, control_points: &[[f64; D]], free: &[(usize, usize)], weight: f64) -> Jacobian {
+    pub(crate) fn linearize(
+        &self,
+        control_points: &[[f64; D]],
+        free: &[(usize, usize)],
+        weight: f64,
+    ) -> BarrierEquations {
         let unknowns = free.len();
-        let mut sum = Jacobian { gradient: vec![0.0; unknowns], matrix: vec![0.0; unknowns * unknowns] };
+        let mut sum = BarrierEquations { gradient: vec![0.0; unknowns], matrix: vec![0.0; unknowns * unknowns] };
         if weight == 0.0 {
             return sum;
         }
@@ -139,9 +148,9 @@ mod tests {
         let knots = KnotVector::uniform(3, 3).unwrap();
         let sites = knots.greville();
         let points: Vec<[f64; 2]> = (0..36).map(|j| [4.0 * sites[j % 6], 0.5 * sites[j / 6]]).collect();
-        let samples = Samples::new(&knots, [4.0, 0.5]).unwrap();
-        assert!((samples.least(&points) - 1.0).abs() < 1e-12);
-        assert!(samples.energy(&points, 1.0).abs() < 1e-12);
+        let barrier = MapBarrier::new(&knots, [4.0, 0.5]).unwrap();
+        assert!((barrier.least(&points) - 1.0).abs() < 1e-12);
+        assert!(barrier.energy(&points, 1.0).abs() < 1e-12);
     }
 
     #[test]
@@ -156,22 +165,22 @@ mod tests {
             for (j, point) in points.iter_mut().enumerate() {
                 (0..D).for_each(|d| point[d] += 0.04 * (7.0 * j as f64 + 3.0 * d as f64).sin());
             }
-            let samples = Samples::new(&knots, [1.0; D]).unwrap();
+            let barrier = MapBarrier::new(&knots, [1.0; D]).unwrap();
             let free: Vec<(usize, usize)> = (0..count).flat_map(|j| (0..D).map(move |d| (j, d))).collect();
-            let gradient = samples.equations(&points, &free, 2.0).gradient;
+            let gradient = barrier.linearize(&points, &free, 2.0).gradient;
             let largest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
             for (k, &(j, d)) in free.iter().enumerate() {
                 let energy = |shift: f64| {
                     let mut moved = points.clone();
                     moved[j][d] += shift;
-                    samples.energy(&moved, 2.0)
+                    barrier.energy(&moved, 2.0)
                 };
                 let difference = (energy(1e-6) - energy(-1e-6)) / 2e-6;
                 assert!((difference - gradient[k]).abs() < 1e-6 * largest, "{D}: {k} {difference} {}", gradient[k]);
             }
             points[count / 2][0] += 2.0;
-            assert!(samples.least(&points) < 0.0);
-            assert_eq!(samples.energy(&points, 1.0), f64::INFINITY);
+            assert!(barrier.least(&points) < 0.0);
+            assert_eq!(barrier.energy(&points, 1.0), f64::INFINITY);
         }
         check::<1>();
         check::<2>();

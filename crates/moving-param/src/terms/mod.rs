@@ -1,7 +1,12 @@
 //! The terms of the objective, a file each.
 
+#[cfg(test)]
+pub(crate) mod check;
+pub(crate) mod data;
 pub(crate) mod lost_area;
 pub(crate) mod map_barrier;
-pub(crate) mod neighbour_weights;
+mod neighbour_weights;
+pub(crate) mod rim_edges;
+pub(crate) mod smoothing;
 pub(crate) mod springs;
 pub(crate) mod triangle_centres;

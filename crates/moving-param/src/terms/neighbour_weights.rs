@@ -4,10 +4,10 @@ use fit_ls::SortedPoints;
 use rayon::prelude::*;
 use thb_core::SmallCholesky;
 
-use crate::points::foot_point::point;
-use crate::points::patch::{Vector, difference, dot};
+use crate::points::vector::point;
+use crate::points::vector::{Vector, difference, dot};
 
-/// Share of the variance of a ring that is added to each direction: it keeps the slopes of one-sided and of flat rings, which have
+/// Share of the variance of the neighbours that is added to each direction: it keeps the slopes of one-sided and of flat neighbourhoods, which have
 /// no variance along their normal, small.
 const RIDGE: f64 = 0.05;
 
@@ -17,15 +17,15 @@ const CHUNK: usize = 1024;
 /// For each point weights of the ends of its edges in a triangulation, which sum to 1: the value at the point of the affine function
 /// of the place in space that fits what the neighbours have, weighted by the reciprocals of their distances.
 #[derive(Clone, Debug)]
-pub(crate) struct Rings {
+pub(crate) struct NeighbourWeights {
     /// Where the neighbours of each point begin, and where the last ones end.
     offsets: Vec<usize>,
     /// Neighbours with their weights.
     entries: Vec<(u32, f64)>,
 }
 
-impl Rings {
-    /// The rings of triangles, by indices of points. Points of weight 0 are nobody's neighbours.
+impl NeighbourWeights {
+    /// The weights of neighbours in triangles, by indices of points. Points of weight 0 are nobody's neighbours.
     pub(crate) fn new<const D: usize>(triangles: &[[u32; 3]], points: &SortedPoints<D>) -> Self {
         let places = points.places();
         let point = |i: u32| point(points, places[i as usize]);

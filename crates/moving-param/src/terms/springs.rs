@@ -1,53 +1,50 @@
 //! Springs on the parameters.
 
-use std::sync::Arc;
-
 use fit_ls::SortedPoints;
 use rayon::prelude::*;
-use thb_core::{CellSpace, HierarchicalSpace};
+use thb_core::CellSpace;
 
-use crate::JointOptions;
-use crate::frame::Frame;
-use crate::points::patch::dot;
-use crate::terms::neighbour_weights::Rings;
+use crate::equations::{Linearization, Spring};
+use crate::points::frame::Frame;
+use crate::points::vector::dot;
+use crate::state::{State, StepStart};
+use crate::term::Term;
+use crate::terms::neighbour_weights::NeighbourWeights;
+use crate::{Error, JointOptions};
 
-/// Adds `½ Σ ω_i (u_i − a_i)ᵀ diag(k_i) (u_i − a_i)` to the objective of a step of the joint method: a weak spring from each parameter
-/// to where it started, and a stronger one to where it would be had it moved as its neighbours have, put together in one.
+/// `½ Σ ω_i [(u_i − u_i⁰)ᵀ diag(k⁰) (u_i − u_i⁰) + (u_i − u_i⁰ − m_i)ᵀ diag(k_i) (u_i − u_i⁰ − m_i)]` but for a constant: a weak spring
+/// from each parameter to where it started, `u_i⁰`, and a stronger one to where it would be had it moved as its neighbours have.
+///
+/// `k⁰_d = κ |S_d|²`, the mean over the points at the start, and `k_i,d = σ |S_d(u_i)|²` for the tangents `S_d`: a move along the surface by
+/// some length costs as much as a distance of that length times the root of κ or σ. `m_i = Σ_j a_ij (u_j − u_j⁰)` is what the
+/// neighbours have moved, fitted by an affine function ([`NeighbourWeights`]).
+///
+/// Held constant during a step: `m_i` and `k_i`, so that each parameter is still eliminated by itself. The two springs are put together in
+/// one, `½ ω (u − a)ᵀ diag(k⁰ + k) (u − a)`, which is what the search for foot points looks at.
 ///
 /// Distances alone leave parameters free to slide along the surface where that costs nothing. They then open voids in
 /// the parameter domain over which the surface swings away from the points, and slide past each other, which tears the map of the
-/// points: the surface folds along the tear, at no distance from any of them. What the neighbours have moved is taken from
-/// before the step, so that each parameter is still eliminated by itself.
+/// points: the surface folds along the tear, at no distance from any of them.
 #[derive(Clone, Debug)]
-pub(crate) struct Anchor<const D: usize> {
-    /// A space over the domain, for ways across a seam.
-    space: Arc<HierarchicalSpace<D>>,
-    /// The parameters at the start, by the index of the point.
+pub(crate) struct Springs<const D: usize> {
+    /// `u⁰`, by the index of the point.
     start: Vec<[f64; D]>,
-    /// Stiffness of the springs to the start.
+    /// `k⁰`.
     to_start: [f64; D],
-    /// Stiffness of those to the neighbours, as a share of that of distances.
+    /// σ.
     cohesion: f64,
-    rings: Rings,
+    neighbours: NeighbourWeights,
+    /// By the index of the point.
     springs: Vec<Spring<D>>,
-}
-
-/// A spring of one parameter: `a` and `k`.
-#[derive(Clone, Copy, Debug)]
-struct Spring<const D: usize> {
-    at: [f64; D],
-    stiffness: [f64; D],
 }
 
 /// Points of one parallel task.
 const CHUNK: usize = 1024;
 
-impl<const D: usize> Anchor<D> {
-    /// Springs from `start`, by the index of the point, and along the sides of triangles. Stiffness is a share of that of distances: a
-    /// move along the surface by some length costs as much as a distance of that length times the root of the share. Lengths
-    /// are those of the mean tangents in `frames` for the springs to the start, of the tangents at each point for the others.
+impl<const D: usize> Springs<D> {
+    /// Springs from `start`, by the index of the point, with σ = [`JointOptions::cohesion`] along the sides of triangles, and
+    /// κ = [`JointOptions::stiffness`]; `frames` are of the points in their order.
     pub(crate) fn new(
-        space: Arc<HierarchicalSpace<D>>,
         points: &SortedPoints<D>,
         frames: &[Frame<D>],
         start: Vec<[f64; D]>,
@@ -60,10 +57,10 @@ impl<const D: usize> Anchor<D> {
         let mean = |d: usize| counted.iter().map(|f| dot(&f.tangents[d], &f.tangents[d])).sum::<f64>() / count;
         let to_start = std::array::from_fn(|d| options.stiffness * mean(d));
         let springs = start.iter().map(|&at| Spring { at, stiffness: to_start }).collect();
-        let rings = Rings::new(&[], points);
-        let mut anchor = Self { space, start, to_start, cohesion: options.cohesion, rings, springs };
-        anchor.join(triangles, points);
-        anchor
+        let neighbours = NeighbourWeights::new(&[], points);
+        let mut all = Self { start, to_start, cohesion: options.cohesion, neighbours, springs };
+        all.join(triangles, points);
+        all
     }
 
     /// Joins neighbours along the sides of triangles anew, where weights have become zero or positive.
@@ -72,104 +69,89 @@ impl<const D: usize> Anchor<D> {
         for (spring, &at) in springs.iter_mut().zip(&*start) {
             *spring = Spring { at, stiffness: *to_start };
         }
-        self.rings = Rings::new(if self.cohesion > 0.0 { triangles } else { &[] }, points);
+        self.neighbours = NeighbourWeights::new(if self.cohesion > 0.0 { triangles } else { &[] }, points);
+    }
+}
+
+impl<const D: usize, S: CellSpace<D>> Term<D, S> for Springs<D> {
+    fn name(&self) -> &'static str {
+        "springs"
     }
 
-    /// Hangs the springs to the neighbours where these are now; `frames` are of the points in their order.
-    pub(crate) fn follow(&mut self, points: &SortedPoints<D>, frames: &[Frame<D>]) {
-        let Self { space, start, to_start, cohesion, rings, springs } = self;
-        if rings.is_empty() {
-            return;
+    fn freeze(&mut self, at: &StepStart<'_, D, S>) -> Result<(), Error> {
+        let Self { start, to_start, cohesion, neighbours, springs } = self;
+        if neighbours.is_empty() {
+            return Ok(());
         }
-        let places = points.places();
-        let moved = |index: usize| space.way(start[index], points.parameter(places[index]));
+        let (space, places, parameters) = (at.state.map.space(), at.state.places, at.state.parameters);
+        let moved = |index: usize| space.way(start[index], parameters[places[index]]);
         springs.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(index, spring)| {
-            let ring = rings.of(index);
-            if ring.is_empty() {
+            let around = neighbours.of(index);
+            if around.is_empty() {
                 return;
             }
             let mut mean = [0.0; D];
-            for &(neighbour, weight) in ring {
+            for &(neighbour, weight) in around {
                 let way = moved(neighbour as usize);
                 (0..D).for_each(|d| mean[d] += weight * way[d]);
             }
-            let tangents = &frames[places[index]].tangents;
-            let to_ring: [f64; D] = std::array::from_fn(|d| *cohesion * dot(&tangents[d], &tangents[d]));
-            spring.stiffness = std::array::from_fn(|d| to_start[d] + to_ring[d]);
+            let tangents = &at.frames[places[index]].tangents;
+            let to_neighbours: [f64; D] = std::array::from_fn(|d| *cohesion * dot(&tangents[d], &tangents[d]));
+            spring.stiffness = std::array::from_fn(|d| to_start[d] + to_neighbours[d]);
             // Degenerate tangents pull nowhere.
-            let share = |d: usize| if to_ring[d] > 0.0 { to_ring[d] / spring.stiffness[d] } else { 0.0 };
+            let share = |d: usize| if to_neighbours[d] > 0.0 { to_neighbours[d] / spring.stiffness[d] } else { 0.0 };
             spring.at = space.to_domain(std::array::from_fn(|d| start[index][d] + share(d) * mean[d]));
         });
+        Ok(())
     }
 
-    pub(crate) fn stiffness(&self, index: usize) -> [f64; D] {
-        self.springs[index].stiffness
+    fn energy(&self, at: &State<'_, D, S>) -> Result<f64, Error> {
+        let (space, order) = (at.map.space().as_ref(), at.points.order());
+        let energy =
+            |place: usize| at.weights[place] * self.springs[order[place] as usize].squared(space, at.parameters[place]);
+        Ok(0.5 * (0..order.len()).map(energy).sum::<f64>())
     }
 
-    /// `diag(k) (u − a)`, the gradient for the point of an index.
-    pub(crate) fn pull(&self, index: usize, u: [f64; D]) -> [f64; D] {
-        let Spring { at, stiffness } = self.springs[index];
-        let way = self.space.way(at, u);
-        std::array::from_fn(|d| stiffness[d] * way[d])
-    }
-
-    /// `(u − a)ᵀ diag(k) (u − a)`.
-    pub(crate) fn squared(&self, index: usize, u: [f64; D]) -> f64 {
-        let Spring { at, stiffness } = self.springs[index];
-        let way = self.space.way(at, u);
-        (0..D).map(|d| stiffness[d] * way[d] * way[d]).sum()
+    fn linearize(&self, at: &StepStart<'_, D, S>, _: &[u32], into: &mut Linearization<'_, D>) -> Result<(), Error> {
+        let State { map, points, parameters, .. } = at.state;
+        let of_points = into.points.par_iter_mut().zip(points.order()).zip(parameters).with_min_len(CHUNK);
+        of_points.for_each(|((block, &index), &u)| {
+            block.add_spring(&self.springs[index as usize], map.space().as_ref(), u);
+        });
+        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
-    use ndarray::{Array2, array};
-    use thb_core::{Kind, KnotVector};
-
-    fn space() -> Arc<HierarchicalSpace<2>> {
-        let knots = KnotVector::uniform(2, 4).unwrap();
-        Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap())
-    }
-
-    #[test]
-    fn the_pull_is_the_gradient_of_half_the_energy() {
-        let points = SortedPoints::new(array![[0.2, 0.7]].view(), Array2::zeros((1, 3)).view(), None).unwrap();
-        let mut anchor = Anchor::new(space(), &points, &[], vec![[0.2, 0.7]], &[], &JointOptions::default());
-        anchor.springs[0].stiffness = [3.0, 0.5];
-        let (u, h) = ([0.6, 0.1], 1e-6);
-        let pull = anchor.pull(0, u);
-        for d in 0..2 {
-            let energy = |shift: f64| {
-                let mut u = u;
-                u[d] += shift;
-                0.5 * anchor.squared(0, u)
-            };
-            let slope = (energy(h) - energy(-h)) / (2.0 * h);
-            assert!((pull[d] - slope).abs() < 1e-6 * slope.abs(), "{pull:?} against {slope}");
-        }
-        assert_eq!(anchor.pull(0, [0.2, 0.7]), [0.0; 2]);
-    }
+    use crate::state::Snapshot;
+    use ndarray::Array2;
+    use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
     /// A point amid four others, all of which have moved by the same way, is pulled after them, the others hardly anywhere.
     #[test]
     fn parameters_are_drawn_to_where_their_neighbours_went() {
+        let knots = KnotVector::uniform(2, 4).unwrap();
+        let sites = knots.greville();
+        let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
+        // Tangents of lengths 1 and 2.
+        let coefficients = Array2::from_shape_fn((36, 3), |(j, k)| [sites[j % 6], 2.0 * sites[j / 6], 0.0][k]);
+        let map = SplineMap::new(space.clone(), coefficients).unwrap();
         let start = [[0.5, 0.5], [0.4, 0.5], [0.5, 0.4], [0.6, 0.5], [0.5, 0.6]];
         let way = [0.1, -0.05];
         let places = Array2::from_shape_fn((5, 3), |(i, k)| if k < 2 { start[i][k] } else { 0.0 });
         let parameters = Array2::from_shape_fn((5, 2), |(i, k)| start[i][k] + if i > 0 { way[k] } else { 0.0 });
-        let points = SortedPoints::new(parameters.view(), places.view(), None).unwrap();
-        let frame = Frame {
-            residual: [0.0; 4],
-            tangents: [[1.0, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0]],
-            stiffness: [0.0; 2],
-            pull: [0.0; 2],
-        };
+        let mut points = SortedPoints::new(parameters.view(), places.view(), None).unwrap();
+        points.sort_refined(&space, None).unwrap();
         let triangles = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]];
         let options = JointOptions { stiffness: 0.0, cohesion: 0.1, ..JointOptions::default() };
-        let mut anchor = Anchor::new(space(), &points, &[frame; 5], start.to_vec(), &triangles, &options);
-        anchor.follow(&points, &[frame; 5]);
-        let pull = anchor.pull(0, start[0]);
+        let snapshot = Snapshot::new(&map, &points, |_| 1.0).unwrap();
+        let mut springs = Springs::new(&points, &snapshot.frames, start.to_vec(), &triangles, &options);
+        springs.freeze(&snapshot.start(&map, &points)).unwrap();
+        let pull = springs.springs[0].pull(space.as_ref(), start[0]);
         for d in 0..2 {
             let expected = -[0.1, 0.4][d] * way[d];
             assert!((pull[d] - expected).abs() < 1e-12, "{pull:?}");

@@ -1,25 +1,30 @@
-//! Weak samples of the triangles between the points.
-
-use std::collections::{HashMap, HashSet};
+//! Weak samples of the triangles between the points, and of the edges of their rim.
 
 use fit_ls::{BlockEquations, SortedPoints};
 use ndarray::Array2;
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap, SymmetricPattern};
+use thb_core::CellSpace;
 
 use crate::Error;
-use crate::frame::{Frame, frames};
-use crate::points::foot_point::point;
-use crate::points::patch::{Vector, cross, difference, dot, unit};
+use crate::equations::Linearization;
+use crate::points::frame::{Frame, frames_at};
+use crate::points::vector::{Vector, cross, difference, dot, point, unit};
+use crate::state::{State, StepStart};
+use crate::term::Term;
+use crate::terms::rim_edges::{RimEdge, curved_middle};
 
-/// Adds `½ Σ r_tᵀ W_t r_t`, `r_t = s(u_t) − p_t`, to the objective of the joint method: `p_t` are the centres of triangles
-/// over the points and of the edges of their rim, `u_t` those of their parameters. `W_t` holds a centre across its triangle
-/// or edge by `ω_t`, along it by `τ ω_t`.
+/// `½ Σ_t r_tᵀ W_t r_t`, `r_t = s(u_t) − p_t`: `p_t` are the centres of triangles over the points and of the edges of their rim, `u_t`
+/// those of their parameters. `W_t = τ ω_t I + (1 − τ) ω_t n nᵀ` for a triangle with unit normal n: a centre is held across its triangle
+/// by `ω_t`, along it by `τ ω_t`; that of an edge with unit direction n is held along it by `τ ω_t`, across it by `ω_t`.
+///
+/// Held constant are `p_t` and `W_t`, and in the equations of a step, not in the energy of a trial, `u_t`: it depends on the parameters
+/// of several points. So a step of the coefficients knows nothing of what it does to the centre by moving the corners, but whether it
+/// is taken is decided by what it really costs.
 ///
 /// A point whose parameter is free holds the surface in one direction only. Where few points lie the surface may then swing
 /// between them at no distance from any; and beyond the rim, where it only has to grow, a few points outweigh nothing while others
-/// crowd in the same cell.
+/// crowd in the same cell. One term does for both, since centres of triangles and of edges are samples of one kind.
 #[derive(Debug)]
-pub(crate) struct Between {
+pub(crate) struct TriangleCentres {
     simplices: Vec<Simplex>,
     /// The centres, `(t, N)`.
     centres: Array2<f64>,
@@ -65,16 +70,13 @@ const ENOUGH: usize = 2;
 /// rim, and 1 took more control points on a noisy one.
 const RIM: f64 = 0.3;
 
-/// Cosine of the angle between two edges of the rim from which on there is a corner.
-const CORNER: f64 = 0.5;
-
-impl Between {
+impl TriangleCentres {
     /// Samples of those triangles, by indices of points, and of the edges of their rim, that lie in cells with few points or stand for
     /// many; `None` if there are none. Triangles and edges with a corner of weight 0 are not there.
-    pub(crate) fn new<const D: usize>(
+    pub(crate) fn new<const D: usize, S: CellSpace<D>>(
         triangles: &[[u32; 3]],
         rim: &[RimEdge],
-        space: &HierarchicalSpace<D>,
+        space: &S,
         points: &SortedPoints<D>,
         weight: f64,
     ) -> Result<Option<Self>, Error> {
@@ -119,37 +121,17 @@ impl Between {
         Ok(Some(Self { simplices, centres }))
     }
 
-    /// The samples where the points, in their order, have some parameters; sorted by cell.
-    fn samples<const D: usize>(
-        &self,
-        space: &HierarchicalSpace<D>,
-        points: &SortedPoints<D>,
-        parameter: impl Fn(usize) -> [f64; D],
-    ) -> Result<SortedPoints<D>, Error> {
-        let at_of = points.places();
+    /// The samples where the points have some parameters, sorted by cell.
+    fn samples<const D: usize, S: CellSpace<D>>(&self, at: &State<'_, D, S>) -> Result<SortedPoints<D>, Error> {
+        let space = at.map.space().as_ref();
         let mut parameters = Array2::zeros((self.simplices.len(), D));
         for (mut row, simplex) in parameters.outer_iter_mut().zip(&self.simplices) {
-            row.iter_mut().zip(centre(space, &parameter, &at_of, &simplex.corners)).for_each(|(target, u)| *target = u);
+            let centre = centre(space, |place| at.parameters[place], at.places, &simplex.corners);
+            row.iter_mut().zip(centre).for_each(|(target, u)| *target = u);
         }
         let mut samples = SortedPoints::new(parameters.view(), self.centres.view(), None)?;
-        samples.sort_refined(space, None)?;
+        samples.sort(space, |_| None)?;
         Ok(samples)
-    }
-
-    /// `½ Σ rᵀ W r`, given the parameters of the points.
-    pub(crate) fn energy<const D: usize>(
-        &self,
-        map: &SplineMap<D>,
-        points: &SortedPoints<D>,
-        parameter: impl Fn(usize) -> [f64; D],
-    ) -> Result<f64, Error> {
-        let samples = self.samples(map.space(), points, parameter)?;
-        Ok(self.cost(&samples, &frames(map, &samples)?))
-    }
-
-    fn cost<const D: usize>(&self, samples: &SortedPoints<D>, frames: &[Frame<D>]) -> f64 {
-        let cost = |(at, frame): (usize, &Frame<D>)| dot(&frame.residual, &self.force(samples, at, &frame.residual));
-        0.5 * frames.iter().enumerate().map(cost).sum::<f64>()
     }
 
     /// `W r` at a sample.
@@ -158,29 +140,39 @@ impl Between {
         let further = (along - across) * dot(residual, axis);
         std::array::from_fn(|k| across * residual[k] + further * axis[k])
     }
+}
 
-    /// The energy of a map at the present parameters, and the equations of a step from it.
-    pub(crate) fn equations<const D: usize>(
-        &self,
-        map: &SplineMap<D>,
-        pattern: &SymmetricPattern,
-        points: &SortedPoints<D>,
-    ) -> Result<(f64, BlockEquations), Error> {
-        let samples = self.samples(map.space(), points, |at| points.parameter(at))?;
-        let frames = frames(map, &samples)?;
+impl<const D: usize, S: CellSpace<D>> Term<D, S> for TriangleCentres {
+    fn name(&self) -> &'static str {
+        "triangle centres"
+    }
+
+    fn energy(&self, at: &State<'_, D, S>) -> Result<f64, Error> {
+        let samples = self.samples(at)?;
+        let frames = frames_at(at.map, &samples)?;
+        let cost =
+            |(place, frame): (usize, &Frame<D>)| dot(&frame.residual, &self.force(&samples, place, &frame.residual));
+        Ok(0.5 * frames.iter().enumerate().map(cost).sum::<f64>())
+    }
+
+    fn linearize(&self, at: &StepStart<'_, D, S>, _: &[u32], into: &mut Linearization<'_, D>) -> Result<(), Error> {
+        let map = at.state.map;
+        let samples = self.samples(&at.state)?;
+        let frames = frames_at(map, &samples)?;
         let n = samples.dim();
         let part = |vectors: &[Vector], k: usize| -> Vec<f64> { vectors.iter().map(|v| v[k]).collect() };
         let mut weights = Vec::with_capacity(n * (n + 1) / 2);
         for a in 0..n {
             let axis = std::array::from_fn(|k| f64::from(u8::from(k == a)));
-            let column: Vec<Vector> = (0..samples.len()).map(|at| self.force(&samples, at, &axis)).collect();
+            let column: Vec<Vector> = (0..samples.len()).map(|place| self.force(&samples, place, &axis)).collect();
             weights.extend((a..n).map(|b| part(&column, b)));
         }
-        let pull = |(at, frame): (usize, &Frame<D>)| self.force(&samples, at, &frame.residual).map(|x| -x);
+        let pull = |(place, frame): (usize, &Frame<D>)| self.force(&samples, place, &frame.residual).map(|x| -x);
         let pulls: Vec<Vector> = frames.iter().enumerate().map(pull).collect();
         let right: Vec<Vec<f64>> = (0..n).map(|k| part(&pulls, k)).collect();
-        let equations = BlockEquations::new(map.space().as_ref(), pattern, &samples, &weights, &right)?;
-        Ok((self.cost(&samples, &frames), equations))
+        let equations = BlockEquations::new(map.space().as_ref(), into.pattern, &samples, &weights, &right)?;
+        into.coefficients.add_blocks(equations);
+        Ok(())
     }
 }
 
@@ -209,8 +201,8 @@ fn vertex_normals(triangles: &[[u32; 3]], points: usize, point: impl Fn(u32) -> 
 
 /// How many points would lie in a triangle, or along an edge, were those of its cell spread evenly over it. `None` where points
 /// hold the surface by themselves: there are enough of them in the cell, and it is no larger than then.
-fn stands_for<const D: usize>(
-    space: &HierarchicalSpace<D>,
+fn stands_for<const D: usize, S: CellSpace<D>>(
+    space: &S,
     points: &SortedPoints<D>,
     at_of: &[usize],
     corners: Corners,
@@ -236,50 +228,9 @@ fn stands_for<const D: usize>(
     Ok((count < enough || of(enough) >= 1.0).then(|| of(count)))
 }
 
-/// An edge of one triangle only, in its sense, by indices of points.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RimEdge {
-    ends: [u32; 2],
-    /// The point before the first on the rim.
-    before: Option<u32>,
-    /// The point after the second.
-    after: Option<u32>,
-}
-
-/// The rim of triangles over the points, by index.
-pub(crate) fn rim(triangles: &[[u32; 3]]) -> Vec<RimEdge> {
-    let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
-    let all: HashSet<[u32; 2]> = edges.iter().copied().collect();
-    edges.retain(|&[a, b]| !all.contains(&[b, a]));
-    let before: HashMap<u32, u32> = edges.iter().map(|&[a, b]| (b, a)).collect();
-    let after: HashMap<u32, u32> = edges.iter().map(|&[a, b]| (a, b)).collect();
-    let edge =
-        |ends: [u32; 2]| RimEdge { ends, before: before.get(&ends[0]).copied(), after: after.get(&ends[1]).copied() };
-    edges.into_iter().map(edge).collect()
-}
-
-/// The middle of the cubic over an edge whose directions at its ends are those of parabolas through the points beside it; the
-/// edge's own at corners of the rim.
-fn curved_middle(before: Option<Vector>, [a, b]: [Vector; 2], after: Option<Vector>) -> Vector {
-    let edge = difference(&b, &a);
-    let length = dot(&edge, &edge).sqrt();
-    let along = unit(edge);
-    let direction = |beside: Option<Vector>| {
-        let Some(beside) = beside else { return along };
-        let far = dot(&beside, &beside).sqrt();
-        let other = unit(beside);
-        if dot(&other, &along) < CORNER || far + length == 0.0 {
-            return along;
-        }
-        std::array::from_fn(|k| (other[k] * length + along[k] * far) / (far + length))
-    };
-    let (start, end) = (direction(before.map(|p| difference(&a, &p))), direction(after.map(|p| difference(&p, &b))));
-    std::array::from_fn(|k| 0.5 * (a[k] + b[k]) + length / 8.0 * (start[k] - end[k]))
-}
-
 /// The centre of the parameters of a triangle or an edge, which may lie across a seam.
-fn centre<const D: usize>(
-    space: &HierarchicalSpace<D>,
+fn centre<const D: usize, S: CellSpace<D>>(
+    space: &S,
     parameter: impl Fn(usize) -> [f64; D],
     at_of: &[usize],
     corners: &Corners,
@@ -299,7 +250,9 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use thb_core::{Kind, KnotVector};
+    use crate::state::Snapshot;
+    use crate::terms::rim_edges::rim;
+    use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
     /// One biquadratic patch over the unit square.
     fn patch() -> Arc<HierarchicalSpace<2>> {
@@ -324,7 +277,7 @@ mod tests {
         let mut parameters = vec![[0.0, 0.0]];
         parameters.extend((0..99).map(|i| [1.0, f64::from(i) / 98.0]));
         let points = flat(&parameters, &space);
-        let stands = |corners| stands_for(&space, &points, &points.places(), corners).unwrap();
+        let stands = |corners| stands_for(space.as_ref(), &points, &points.places(), corners).unwrap();
         // Half of the square has half of the points, 1 of 98 parts of it and of a side have too few to be needed.
         assert_eq!(stands(Corners::Triangle([0, 1, 99])), Some(100.0));
         assert_eq!(stands(Corners::Triangle([0, 1, 2])), None);
@@ -332,19 +285,7 @@ mod tests {
         assert_eq!(stands(Corners::Edge([1, 2])), None);
         // With few points all are needed.
         let points = flat(&parameters[..12], &space);
-        assert!(stands_for(&space, &points, &points.places(), Corners::Edge([1, 2])).unwrap().is_some());
-    }
-
-    #[test]
-    fn middles_of_edges_lie_on_the_parabola_of_the_rim() {
-        let on = |x: f64| [x, 0.1 * x * x, 0.0, 0.0];
-        // Slopes at both ends are exact; lengths and abscissae differ in second order.
-        let middle = curved_middle(Some(on(-1.0)), [on(0.0), on(0.5)], Some(on(2.0)));
-        assert!((middle[1] - 0.1 * 0.25 * 0.25).abs() < 1e-3, "{middle:?}");
-        assert!((0.1 * 0.5 * 0.5 / 2.0 - middle[1]) > 5e-3);
-        // A right angle is a corner; without neighbours the edge is straight.
-        let middle = curved_middle(Some([0.0, 1.0, 0.0, 0.0]), [on(0.0), [1.0, 0.0, 0.0, 0.0]], None);
-        assert_eq!(middle, [0.5, 0.0, 0.0, 0.0]);
+        assert!(stands_for(space.as_ref(), &points, &points.places(), Corners::Edge([1, 2])).unwrap().is_some());
     }
 
     #[test]
@@ -355,7 +296,7 @@ mod tests {
         let triangles = [[0, 1, 2], [0, 2, 3]];
         let rim = rim(&triangles);
         assert_eq!(rim.len(), 4);
-        let between = Between::new(&triangles, &rim, &space, &points, 1.0).unwrap().unwrap();
+        let centres = TriangleCentres::new(&triangles, &rim, space.as_ref(), &points, 1.0).unwrap().unwrap();
         // The middle control point of the side v = 0 is moved: the middle of the side moves by half of that.
         let energy = |way: [f64; 3]| {
             let along = KnotVector::uniform(2, 1).unwrap().greville();
@@ -365,7 +306,8 @@ mod tests {
             }
             (0..3).for_each(|k| coefficients[[1, k]] += way[k]);
             let map = SplineMap::new(space.clone(), coefficients).unwrap();
-            between.energy(&map, &points, |at| points.parameter(at)).unwrap()
+            let snapshot = Snapshot::new(&map, &points, |_| 1.0).unwrap();
+            centres.energy(&snapshot.start(&map, &points).state).unwrap()
         };
         assert!(energy([0.0; 3]) < 1e-30);
         // An edge as long as the cell stands for two of four points, each triangle for four.

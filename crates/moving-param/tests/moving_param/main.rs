@@ -3,6 +3,7 @@
 mod closed;
 mod foot_points;
 mod methods;
+mod own_term;
 mod quasi;
 mod square_map;
 mod weighted;

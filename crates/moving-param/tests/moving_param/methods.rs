@@ -56,7 +56,7 @@ fn options(method: Method) -> Options {
 }
 
 fn exact(max_steps: usize) -> Method {
-    Method::Joint(JointOptions { max_steps, decrease: 0.0, ..JointOptions::default() })
+    Method::Joint(JointOptions { max_steps, decrease: 0.0, ..JointOptions::WITHOUT_SPRINGS })
 }
 
 /// Largest distance after fitting once in the space.
@@ -123,7 +123,8 @@ fn springs_hold_parameters_where_they_started() {
     let points = planted(&space, 3).eval_batch(parameters.view()).unwrap();
     let start = perturbed(&parameters, 0.05);
     let moved = |stiffness: f64| {
-        let method = Method::Joint(JointOptions { max_steps: 15, decrease: 0.0, stiffness, ..JointOptions::default() });
+        let method =
+            Method::Joint(JointOptions { max_steps: 15, decrease: 0.0, stiffness, ..JointOptions::WITHOUT_SPRINGS });
         let (largest, method) = fitted(&space, &start, &points, options(method));
         let moves = (&method.parameters() - &start).mapv(|x| x * x).sum().sqrt();
         (moves, largest)
@@ -318,7 +319,7 @@ fn surfaces_do_not_crease_where_parameters_move_to_a_ridge() {
     let knots = KnotVector::uniform(2, 6).unwrap();
     let space = Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots]).unwrap());
     let share = |regularity: f64| {
-        let method = Method::Joint(JointOptions { regularity, ..JointOptions::default() });
+        let method = Method::Joint(JointOptions { regularity, ..JointOptions::WITHOUT_SPRINGS });
         let options = Options { method, tolerance: 5e-3, guard: false, ..Options::default() };
         let fitting = fit_ls::Options { lambda: Lambda::Fixed(1e-7), ..fit_ls::Options::default() };
         let mut fit = MovingFit::new(start.view(), points.view(), None, fitting, options).unwrap();

@@ -103,7 +103,7 @@ fn tukey() -> Reweighting {
 }
 
 fn joint() -> Method {
-    Method::Joint(JointOptions { stiffness: 1e-4, cohesion: 0.1, between: 0.3, ..JointOptions::default() })
+    Method::Joint(JointOptions::default())
 }
 
 fn triangles() -> Vec<[u32; 3]> {

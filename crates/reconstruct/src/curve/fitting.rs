@@ -416,7 +416,7 @@ fn moving_options(options: &CurveOptions, tolerance: f64) -> Option<moving_param
             BlendChoice::Error | BlendChoice::Curvature => Blend::ErrorDriven,
         })),
         Method::JPdm => moving_param::Method::JointLbfgs(Schedule::B),
-        Method::Joint => moving_param::Method::Joint(JointOptions::default()),
+        Method::Joint => moving_param::Method::Joint(JointOptions::WITHOUT_SPRINGS),
         Method::Auto | Method::Ls | Method::Qi | Method::AQi => return None,
     };
     Some(moving_param::Options { method, tolerance, ..moving_param::Options::default() })

@@ -5,7 +5,6 @@ use moving_param::{Blend, Distance, JointOptions, Method, SquareMapOptions};
 use ndarray::Array2;
 use point_cloud::BoundingBox;
 use rand::RngExt;
-use reconstruct::JOINT;
 use std::sync::Arc;
 use thb_core::{ClosestPoints, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
@@ -100,8 +99,8 @@ pub(super) fn section(log: &mut dyn FnMut(&str)) -> Result<String> {
         ("fixed", None),
         ("A-PDM, 10", alternating(Distance::Point)),
         ("A-HDM, 10, γ = 1e-2", alternating(Distance::Hybrid(Blend::Constant(1e-2)))),
-        ("joint, plain", Some(Method::Joint(JointOptions::default()))),
-        ("joint, as shipped", Some(Method::Joint(JOINT))),
+        ("joint, plain", Some(Method::Joint(JointOptions::WITHOUT_SPRINGS))),
+        ("joint, as shipped", Some(Method::Joint(JointOptions::DEFAULT))),
         ("map, 6 × 6", Some(by_map(6))),
         ("map, 8 × 8", Some(by_map(8))),
         ("map, 10 × 10", Some(by_map(10))),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use moving_param::{Boundary, Distance, JointOptions, Method, Schedule};
-use reconstruct::{FitOptions, JOINT, Tolerance, fit_file};
+use reconstruct::{FitOptions, Tolerance, fit_file};
 
 use super::super::markdown::{figure, table};
 use super::super::qi::Clock;
@@ -77,7 +77,7 @@ const SHEET_TOLERANCE: f64 = 1e-2;
 const SHEET_SHARE: f64 = 0.5 / 6.9;
 
 /// The joint method without its penalty on folds.
-const MAY_FOLD: JointOptions = JointOptions { regularity: 0.0, ..JointOptions::DEFAULT };
+const MAY_FOLD: JointOptions = JointOptions { regularity: 0.0, ..JointOptions::WITHOUT_SPRINGS };
 
 /// Shares of G+Smo's best control points and of its time that ours should stay below.
 const FEWER: f64 = 0.75;
@@ -140,8 +140,14 @@ pub(super) fn against_gismo(
         let few = FEWER * peers[2].dofs as f64;
         let best = Settings { guard: true, ..published };
         for (name, method) in [
-            ("joint", Method::Joint(JointOptions::default())),
-            ("joint, springs", Method::Joint(JointOptions { stiffness: JOINT.stiffness, ..JointOptions::default() })),
+            ("joint", Method::Joint(JointOptions::WITHOUT_SPRINGS)),
+            (
+                "joint, springs",
+                Method::Joint(JointOptions {
+                    stiffness: JointOptions::DEFAULT.stiffness,
+                    ..JointOptions::WITHOUT_SPRINGS
+                }),
+            ),
             ("joint, 3 steps, may fold", Method::Joint(JointOptions { max_steps: 3, ..MAY_FOLD })),
             ("joint, 6 steps, may fold", Method::Joint(JointOptions { max_steps: 6, ..MAY_FOLD })),
             ("joint, may fold", Method::Joint(MAY_FOLD)),
@@ -188,8 +194,12 @@ pub(super) fn against_gismo(
             Method::JointLbfgs(Schedule::Constant { gradient: 1e-5, max_iterations: 100 }),
             false,
         ),
-        ("joint", Method::Joint(JointOptions::default()), true),
-        ("joint, springs, may fold", Method::Joint(JointOptions { stiffness: JOINT.stiffness, ..MAY_FOLD }), true),
+        ("joint", Method::Joint(JointOptions::WITHOUT_SPRINGS), true),
+        (
+            "joint, springs, may fold",
+            Method::Joint(JointOptions { stiffness: JointOptions::DEFAULT.stiffness, ..MAY_FOLD }),
+            true,
+        ),
     ] {
         let run = Run::of(name, &cloud, Some(method), &Settings { guard, ..settings.clone() })?;
         let deviation = run.deviation();

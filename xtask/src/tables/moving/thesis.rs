@@ -30,7 +30,7 @@ const MOST: usize = 2116;
 const SOFT: f64 = 1e-11;
 
 /// Steps of the joint method that are enough to converge from a very coarse first mesh.
-const PATIENT: JointOptions = JointOptions { max_steps: 40, decrease: 1e-3, ..JointOptions::DEFAULT };
+const PATIENT: JointOptions = JointOptions { max_steps: 40, decrease: 1e-3, ..JointOptions::WITHOUT_SPRINGS };
 
 /// All runs.
 pub(super) struct Study {
@@ -112,7 +112,7 @@ impl Study {
                 ("A-HDM, 10, curvature", alternating(driven(), 10)),
                 ("J-PDM (a)", Some(Method::JointLbfgs(Schedule::A))),
                 ("J-PDM (b)", Some(Method::JointLbfgs(Schedule::B))),
-                ("joint", Some(Method::Joint(JointOptions::default()))),
+                ("joint", Some(Method::Joint(JointOptions::WITHOUT_SPRINGS))),
                 ("joint, 40 steps", Some(Method::Joint(PATIENT))),
                 ("joint, 40 steps, may fold", Some(Method::Joint(JointOptions { regularity: 0.0, ..PATIENT }))),
                 ("map, 10 × 10", Some(by_map(10))),
@@ -142,7 +142,7 @@ impl Study {
                     "J-PDM, η = 1e-5, K = 100",
                     Some(Method::JointLbfgs(Schedule::Constant { gradient: 1e-5, max_iterations: 100 })),
                 ),
-                ("joint", Some(Method::Joint(JointOptions::default()))),
+                ("joint", Some(Method::Joint(JointOptions::WITHOUT_SPRINGS))),
                 ("joint, 40 steps", Some(Method::Joint(PATIENT))),
                 ("joint, 40 steps, may fold", Some(Method::Joint(JointOptions { regularity: 0.0, ..PATIENT }))),
                 ("map, 10 × 10", Some(by_map(10))),

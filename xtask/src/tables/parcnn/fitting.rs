@@ -76,7 +76,7 @@ pub(in crate::tables) fn jointly_moved<const D: usize>(
     space: &Arc<HierarchicalSpace<D>>,
 ) -> Result<Fitted<D>> {
     let joint =
-        JointOptions { max_steps: JOINT_STEPS, decrease: 0.0, polish: 0, emphasis: 0, ..JointOptions::default() };
+        JointOptions { max_steps: JOINT_STEPS, decrease: 0.0, polish: 0, emphasis: 0, ..JointOptions::WITHOUT_SPRINGS };
     let options =
         moving_param::Options { method: Method::Joint(joint), guard: false, ..moving_param::Options::default() };
     let attempt = |lambda| -> Result<Fitted<D>> {
