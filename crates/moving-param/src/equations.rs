@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use fit_ls::{BlockEquations, SortedPoints};
 use ndarray::Array2;
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use thb_core::{CellSpace, SmallCholesky, SymmetricMatrix, SymmetricPattern};
 
@@ -81,6 +82,7 @@ impl<const D: usize> PointBlock<D> {
     }
 
     /// `TᵀT`.
+    #[inline(always)]
     pub(crate) fn metric(&self) -> [[f64; D]; D] {
         std::array::from_fn(|a| std::array::from_fn(|b| dot(&self.tangents[a], &self.tangents[b])))
     }
@@ -92,16 +94,19 @@ impl<const D: usize> PointBlock<D> {
 
     /// The move of the parameter that minimizes `½|residual + T δu|² + ½ μ δuᵀ diag(TᵀT) δu` and the energy of the spring
     /// in the free directions. Zero where the tangents are degenerate.
+    #[inline(always)]
     pub(crate) fn parameter_step(&self, residual: &Vector, damping: f64, free: [bool; D]) -> [f64; D] {
         self.step_against(residual, &self.pull, damping, free)
     }
 
     /// The same with another gradient of the spring.
+    #[inline(always)]
     pub(crate) fn step_against(&self, residual: &Vector, pull: &[f64; D], damping: f64, free: [bool; D]) -> [f64; D] {
         self.elimination(damping, free).map_or([0.0; D], |factor| self.step_by(&factor, residual, pull))
     }
 
     /// What moves of the parameter are solved with; `None` where the tangents are degenerate.
+    #[inline(always)]
     fn elimination(&self, damping: f64, free: [bool; D]) -> Option<SmallCholesky<D>> {
         let metric = self.metric();
         let mut matrix = metric;
@@ -110,6 +115,7 @@ impl<const D: usize> PointBlock<D> {
         SmallCholesky::new(&matrix, &added, free)
     }
 
+    #[inline(always)]
     fn step_by(&self, factor: &SmallCholesky<D>, residual: &Vector, pull: &[f64; D]) -> [f64; D] {
         factor.step(&std::array::from_fn(|a| dot(&self.tangents[a], residual) + pull[a]))
     }
@@ -117,6 +123,7 @@ impl<const D: usize> PointBlock<D> {
     /// `W v + w` for `W = I − T (TᵀT + μ diag(TᵀT) + K)⁻¹ Tᵀ`, where `w` is the move that the force of the spring makes:
     /// what is left of a vector when the parameter has moved. `μ = 0` leaves the part normal to the map, large `μ` the
     /// vector itself.
+    #[inline(always)]
     fn reduced(&self, v: &Vector, pull: &[f64; D], elimination: Option<&SmallCholesky<D>>) -> Vector {
         let Some(factor) = elimination else { return *v };
         let step = self.step_by(factor, v, pull);
@@ -128,6 +135,7 @@ impl<const D: usize> PointBlock<D> {
     }
 
     /// The upper triangle of `ω (γ I + (1 − γ) W)`, row by row, and what it makes of the residual.
+    #[inline(always)]
     fn eliminated(&self, dim: usize, damping: f64, point_share: f64, free: [bool; D]) -> ([f64; 6], Vector) {
         let elimination = if point_share == 1.0 { None } else { self.elimination(damping, free) };
         let blend = |v: &Vector, pull: &[f64; D]| -> Vector {
@@ -149,6 +157,37 @@ impl<const D: usize> PointBlock<D> {
             }
         }
         (entries, blend(&self.residual, &self.pull))
+    }
+}
+
+/// The elimination of the parameters of a range of points.
+struct Elimination<'a, const D: usize> {
+    blocks: &'a [PointBlock<D>],
+    points: &'a SortedPoints<D>,
+    constraints: &'a Constraints<D>,
+    damping: f64,
+    point_share: &'a [f64],
+    first: usize,
+    /// The weights, pair by pair of coordinates, then the right-hand sides: of these points.
+    columns: Vec<&'a mut [f64]>,
+}
+
+impl<const D: usize> WithSimd for Elimination<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { blocks, points, constraints, damping, point_share, first, mut columns } = self;
+        let dim = points.dim();
+        let (weights, right) = columns.split_at_mut(dim * (dim + 1) / 2);
+        for i in 0..right.first().map_or(0, |column| column.len()) {
+            let at = first + i;
+            let free = constraints.free(points.order()[at] as usize);
+            let share = point_share.get(at).copied().unwrap_or(0.0);
+            let (entries, residual) = blocks[at].eliminated(dim, damping, share, free);
+            weights.iter_mut().zip(entries).for_each(|(column, x)| column[i] = x);
+            right.iter_mut().zip(residual).for_each(|(column, x)| column[i] = -x);
+        }
     }
 }
 
@@ -288,15 +327,20 @@ impl<const D: usize> Equations<D> {
         point_share: &[f64],
     ) -> Result<BlockEquations, Error> {
         let n = points.dim();
-        let eliminated = |(at, block): (usize, &PointBlock<D>)| {
-            let free = constraints.free(points.order()[at] as usize);
-            block.eliminated(n, damping, point_share.get(at).copied().unwrap_or(0.0), free)
-        };
-        let rows: Vec<([f64; 6], Vector)> =
-            self.points.par_iter().enumerate().with_min_len(CHUNK).map(eliminated).collect();
-        let weights: Vec<Vec<f64>> = (0..n * (n + 1) / 2).map(|k| rows.iter().map(|row| row.0[k]).collect()).collect();
-        let right: Vec<Vec<f64>> = (0..n).map(|k| rows.iter().map(|row| -row.1[k]).collect()).collect();
-        let mut equations = BlockEquations::new(space, &self.pattern, points, &weights, &right)?;
+        let pairs = n * (n + 1) / 2;
+        let mut columns = vec![vec![0.0; points.len()]; pairs + n];
+        let mut parts: Vec<Vec<&mut [f64]>> = Vec::new();
+        parts.resize_with(points.len().div_ceil(CHUNK), Vec::new);
+        for column in &mut columns {
+            parts.iter_mut().zip(column.chunks_mut(CHUNK)).for_each(|(part, rows)| part.push(rows));
+        }
+        parts.into_par_iter().enumerate().for_each(|(chunk, columns)| {
+            let first = chunk * CHUNK;
+            let part = Elimination { blocks: &self.points, points, constraints, damping, point_share, first, columns };
+            pulp::Arch::new().dispatch(part);
+        });
+        let (weights, right) = columns.split_at(pairs);
+        let mut equations = BlockEquations::new(space, &self.pattern, points, weights, right)?;
         self.add_blocks(&mut equations)?;
         Ok(equations)
     }

@@ -205,11 +205,11 @@ impl<const D: usize> MovingFit<D> {
         moves: &mut Moves,
     ) -> Result<(), Error> {
         let distances = if strays.is_some() { self.fit.distances(map)?.to_vec() } else { Vec::new() };
-        let flipping = self.triangles.as_ref().map(FlippingTriangles);
         let points = self.fit.points();
         let parameters: Vec<[f64; D]> = (0..points.len()).map(|at| points.parameter(at)).collect();
         let (places, weights) = (points.places(), points.weights().unwrap_or_default());
         let from = State { map, points, places: &places, parameters: &parameters, distances: &distances, weights };
+        let flipping = self.triangles.as_ref().map(|triangles| FlippingTriangles::new(triangles, &from));
         if let Some(strays) = strays {
             strays.admit_parameters(&from, map, &mut moved)?;
         }
@@ -418,7 +418,7 @@ impl<const D: usize> Solve<D> for MovingFit<D> {
         if let Some(triangles) = &self.triangles {
             let weights = self.weights.as_deref();
             let counts = |i: usize| weights.is_none_or(|weights| weights[i] > 0.0);
-            moves.folds = triangles.flipped(|i| [moved[[i, 0]], moved[[i, D - 1]]], counts).len();
+            moves.folds = triangles.count_flipped(|i| [moved[[i, 0]], moved[[i, D - 1]]], counts);
         }
         tracing::debug!(?moves, "parameters moved");
         self.reports.push(moves);

@@ -1,10 +1,11 @@
 //! Where a fit is: a map, and a parameter for each point.
 
 use fit_ls::SortedPoints;
+use rayon::prelude::*;
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
 use crate::Error;
-use crate::points::frame::{Frame, frames_at};
+use crate::points::frame::{Frame, frames_into};
 
 /// A map and the parameters of all points: what the energy of a term is a function of.
 ///
@@ -58,6 +59,9 @@ impl<const D: usize, S> Clone for StepStart<'_, D, S> {
 
 impl<const D: usize, S> Copy for StepStart<'_, D, S> {}
 
+/// Points of one parallel task.
+const CHUNK: usize = 4096;
+
 /// The arrays of a state from which a step is taken.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Snapshot<const D: usize> {
@@ -75,14 +79,28 @@ impl<const D: usize> Snapshot<D> {
         points: &SortedPoints<D>,
         weight: impl Fn(usize) -> f64,
     ) -> Result<Self, Error> {
-        let frames = frames_at(map, points)?;
-        Ok(Self {
-            places: points.places(),
-            parameters: (0..points.len()).map(|at| points.parameter(at)).collect(),
-            distances: frames.iter().map(Frame::distance).collect(),
-            weights: points.order().iter().map(|&index| weight(index as usize)).collect(),
-            frames,
-        })
+        let mut new = Self::default();
+        new.take(map, points, weight)?;
+        Ok(new)
+    }
+
+    /// The same, in the arrays of another state.
+    pub(crate) fn take<S: CellSpace<D>>(
+        &mut self,
+        map: &SplineMap<D, S>,
+        points: &SortedPoints<D>,
+        weight: impl Fn(usize) -> f64,
+    ) -> Result<(), Error> {
+        let Self { places, parameters, distances, weights, frames } = self;
+        frames_into(map, points, frames)?;
+        places.resize(points.len(), 0);
+        points.order().iter().enumerate().for_each(|(at, &index)| places[index as usize] = at);
+        parameters.clear();
+        parameters.extend((0..points.len()).map(|at| points.parameter(at)));
+        frames.par_iter().with_min_len(CHUNK).map(Frame::distance).collect_into_vec(distances);
+        weights.clear();
+        weights.extend(points.order().iter().map(|&index| weight(index as usize)));
+        Ok(())
     }
 
     /// The state that they belong to.

@@ -8,17 +8,20 @@
 
 use std::time::{Duration, Instant};
 
-use fit_ls::{BlockEquations, LeastSquares};
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap, transfer};
+use fit_ls::{BlockEquations, LeastSquares, SortedPoints};
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+use thb_core::{BezierMap, CellSpace, HierarchicalSpace, SplineMap, transfer};
 
 use crate::damping::{Damping, DampingRule};
 use crate::driver::{Limits, StepProblem, minimize};
-use crate::equations::Equations;
+use crate::equations::{Equations, PointBlock};
 use crate::moving::{Moves, MovingFit};
 use crate::points::constraint::Constraints;
 use crate::points::foot_point::{FootPointOptions, FootPoints, Start, foot_points_from};
-use crate::points::frame::frames_at;
-use crate::safeguards::flipping_triangles::FlippingTriangles;
+use crate::points::frame::{PatchOfPlace, frames_at};
+use crate::points::vector::{difference, point};
+use crate::safeguards::flipping_triangles::{FlippingTriangles, Triangles};
 use crate::safeguards::stray_points::Stray;
 use crate::safeguards::turned_cells::turns;
 use crate::safeguards::{Admission, CoefficientStep, Parameters, Safeguard, admit_all};
@@ -50,6 +53,9 @@ const EMPHASIS_MAX_OUTSIDE_SHARE: f64 = 0.02;
 
 /// Largest factor of a point's weight in one round of emphasis, and over all rounds.
 const EMPHASIS: (f64, f64) = (4.0, 1e4);
+
+/// Points of one parallel task.
+const CHUNK: usize = 512;
 
 /// What the descents in one space share.
 struct Run {
@@ -200,7 +206,6 @@ impl<const D: usize> MovingFit<D> {
             _ => None,
         };
         let Self { fit, springs, terms: further, triangles, .. } = self;
-        let flipping = triangles.as_ref().map(FlippingTriangles);
         let mut data = Data;
         // The order of the summands.
         let mut terms: Vec<&mut dyn Term<D>> = vec![&mut data];
@@ -213,7 +218,8 @@ impl<const D: usize> MovingFit<D> {
             equations: Equations::new(run.system.pattern().clone()),
             objective: Objective::new(terms),
             system: &mut run.system,
-            safeguards: flipping.iter().map(|safeguard| safeguard as &dyn Safeguard<D>).collect(),
+            triangles: triangles.as_ref(),
+            flipping: None,
             constraints: &constraints,
             weights: &run.weights,
             tolerance: self.options.tolerance,
@@ -233,7 +239,9 @@ struct Joint<'a, const D: usize> {
     map: SplineMap<D>,
     objective: Objective<'a, D, HierarchicalSpace<D>>,
     system: &'a mut StepSystem,
-    safeguards: Vec<&'a dyn Safeguard<D>>,
+    triangles: Option<&'a Triangles>,
+    /// What keeps them from flipping in the present step.
+    flipping: Option<FlippingTriangles<'a>>,
     constraints: &'a Constraints<D>,
     /// By index.
     weights: &'a [f64],
@@ -255,12 +263,13 @@ impl<const D: usize> StepProblem for Joint<'_, D> {
     type Trial = JointTrial<D>;
 
     fn freeze(&mut self) -> Result<Option<f64>, Error> {
-        self.start = Snapshot::new(&self.map, self.fit.points(), |index| self.weights[index])?;
+        self.start.take(&self.map, self.fit.points(), |index| self.weights[index])?;
         let is_met = |(distance, weight): (&f64, &f64)| *distance <= self.tolerance || *weight == 0.0;
         if self.start.distances.iter().zip(&self.start.weights).all(is_met) {
             return Ok(None);
         }
         let start = self.start.start(&self.map, self.fit.points());
+        self.flipping = self.triangles.map(|triangles| FlippingTriangles::new(triangles, &start.state));
         self.objective.freeze(&start, &mut self.equations)?;
         self.active = self.equations.active();
         self.objective.energy(&start.state).map(Some)
@@ -327,8 +336,9 @@ impl<const D: usize> Joint<'_, D> {
     fn follow(&mut self, trial: &SplineMap<D>, damping: f64) -> Result<Option<FootPoints<D>>, Error> {
         let points = self.fit.points();
         let from = self.start.start(&self.map, points).state;
+        let safeguards: Vec<&dyn Safeguard<D>> = self.flipping.iter().map(|f| f as &dyn Safeguard<D>).collect();
         let mut moved = self.eliminated(trial, damping)?;
-        match admit_all(&self.safeguards, &from, trial, &mut moved)? {
+        match admit_all(&safeguards, &from, trial, &mut moved)? {
             Admission::Unchanged => (),
             Admission::Changed(held) => self.moves.held += held,
             Admission::Refused => return Ok(None),
@@ -339,7 +349,7 @@ impl<const D: usize> Joint<'_, D> {
             return Ok(Some(found));
         }
         let mut polished = Parameters { values: found.parameters, cells: found.cells };
-        let admission = admit_all(&self.safeguards, &from, trial, &mut polished)?;
+        let admission = admit_all(&safeguards, &from, trial, &mut polished)?;
         if let Admission::Changed(held) = admission {
             self.moves.held += held;
             let still = FootPointOptions { max_steps: 0, ..self.polish };
@@ -352,22 +362,55 @@ impl<const D: usize> Joint<'_, D> {
 
     /// The parameters that the equations have eliminated, moved by a cell at most.
     fn eliminated(&self, trial: &SplineMap<D>, damping: f64) -> Result<Parameters<D>, Error> {
-        let (points, space) = (self.fit.points(), trial.space());
-        let stepped = frames_at(trial, points)?;
-        let mut moved =
-            Parameters { values: Vec::with_capacity(points.len()), cells: Vec::with_capacity(points.len()) };
-        for (cell, ends) in points.offsets().windows(2).enumerate() {
-            let size = space.cell(cell).size();
-            for at in ends[0]..ends[1] {
-                let free = self.constraints.free(points.order()[at] as usize);
-                let step = self.equations.points[at].parameter_step(&stepped[at].residual, damping, free);
-                let from = points.parameter(at);
-                let longest = (0..D).map(|d| (step[d] / size[d]).abs()).fold(1.0, f64::max);
-                let u = space.to_domain(std::array::from_fn(|d| from[d] + step[d] / longest));
-                moved.values.push(u);
-                moved.cells.push(space.locate_cell(u)? as u32);
-            }
+        let (points, space) = (self.fit.points(), trial.space().as_ref());
+        let mut moved = Parameters { values: vec![[0.0; D]; points.len()], cells: vec![0; points.len()] };
+        let places = moved.values.par_chunks_mut(CHUNK).zip(moved.cells.par_chunks_mut(CHUNK)).enumerate();
+        // Of several errors the first, whichever thread is faster.
+        let failed = places.find_map_first(|(chunk, (values, cells))| {
+            let (blocks, constraints, first) = (&self.equations.points[..], self.constraints, chunk * CHUNK);
+            let map = trial.bezier();
+            let chunk = Chunk { map, space, points, blocks, constraints, damping, first, values, cells };
+            pulp::Arch::new().dispatch(chunk).err()
+        });
+        failed.map_or(Ok(moved), Err)
+    }
+}
+
+/// Points whose parameters follow a step of the coefficients.
+struct Chunk<'a, const D: usize> {
+    map: &'a BezierMap<D>,
+    space: &'a HierarchicalSpace<D>,
+    points: &'a SortedPoints<D>,
+    blocks: &'a [PointBlock<D>],
+    constraints: &'a Constraints<D>,
+    damping: f64,
+    first: usize,
+    values: &'a mut [[f64; D]],
+    cells: &'a mut [u32],
+}
+
+impl<const D: usize> WithSimd for Chunk<'_, D> {
+    type Output = Result<(), Error>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
+        let Self { map, space, points, blocks, constraints, damping, first, values, cells } = self;
+        let mut around = PatchOfPlace::new(map, points, first);
+        for (i, (value, number)) in values.iter_mut().zip(cells).enumerate() {
+            let at = first + i;
+            let from = points.parameter(at);
+            let patch = around.at(at);
+            let residual = difference(&patch.value(from), &point(points, at));
+            let free = constraints.free(points.order()[at] as usize);
+            let step = blocks[at].parameter_step(&residual, damping, free);
+            let cell = space.cell(patch.cell());
+            let size = cell.size();
+            let longest = (0..D).map(|d| (step[d] / size[d]).abs()).fold(1.0, f64::max);
+            let u = space.to_domain(std::array::from_fn(|d| from[d] + step[d] / longest));
+            let stays = (0..D).all(|d| cell.lower[d] <= u[d] && u[d] < cell.upper[d]);
+            *value = u;
+            *number = if stays { patch.cell() as u32 } else { space.locate_cell(u)? as u32 };
         }
-        Ok(moved)
+        Ok(())
     }
 }

@@ -1,7 +1,5 @@
 //! Foot points: the parameters of the map's points nearest to given points (Imperatore 2024, §5.1.1).
 
-use std::ops::Range;
-
 use fit_ls::SortedPoints;
 use ndarray::Array2;
 use pulp::{Simd, WithSimd};
@@ -113,39 +111,49 @@ pub(crate) fn foot_points_from<const D: usize>(
 ) -> Result<FootPoints<D>, Error> {
     check(map, points)?;
     let search = Search::new(map, options)?;
-    let chunks: Vec<Vec<Found<D>>> = (0..points.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let range = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(points.len());
-            // PERF: the vectors of the machine at hand; sums and products are rounded alike everywhere.
-            pulp::Arch::new().dispatch(Chunk { search: &search, points, starts, blocks, constraints, range })
-        })
-        .collect();
     let mut result = FootPoints {
-        parameters: Vec::with_capacity(points.len()),
-        cells: Vec::with_capacity(points.len()),
-        distances: Vec::with_capacity(points.len()),
+        parameters: vec![[0.0; D]; points.len()],
+        cells: vec![0; points.len()],
+        distances: vec![0.0; points.len()],
         report: FootPointReport::default(),
     };
+    let parameters = result.parameters.par_chunks_mut(CHUNK);
+    let places = parameters.zip(result.cells.par_chunks_mut(CHUNK)).zip(result.distances.par_chunks_mut(CHUNK));
+    let reports: Vec<ChunkReport> = places
+        .enumerate()
+        .map(|(chunk, ((parameters, cells), distances))| {
+            let (search, first) = (&search, chunk * CHUNK);
+            // PERF: the vectors of the machine at hand; sums and products are rounded alike everywhere.
+            let chunk = Chunk { search, points, starts, blocks, constraints, first, parameters, cells, distances };
+            pulp::Arch::new().dispatch(chunk)
+        })
+        .collect();
     let (mut steps, mut moved) = (0, 0);
-    for found in chunks.into_iter().flatten() {
-        let before = points.parameter(result.parameters.len());
-        let length = map.space().way(before, found.u).iter().map(|w| w.powi(2)).sum::<f64>().sqrt();
+    for chunk in reports {
         let report = &mut result.report;
-        steps += found.steps;
-        moved += usize::from(length > 0.0);
-        report.max_steps = report.max_steps.max(found.steps);
-        report.mean_move += length;
-        report.max_move = report.max_move.max(length);
-        result.parameters.push(found.u);
-        result.cells.push(found.cell as u32);
-        result.distances.push(found.squared.sqrt());
+        steps += chunk.steps;
+        moved += chunk.moved;
+        report.max_steps = report.max_steps.max(chunk.max_steps);
+        report.mean_move += chunk.way;
+        report.max_move = report.max_move.max(chunk.max_way);
     }
     let count = points.len().max(1) as f64;
     result.report.mean_steps = steps as f64 / count;
     result.report.accepted = moved as f64 / count;
     result.report.mean_move /= count;
     Ok(result)
+}
+
+/// What the search did to a range of points.
+#[derive(Clone, Copy, Debug, Default)]
+struct ChunkReport {
+    steps: usize,
+    max_steps: usize,
+    /// Points that moved.
+    moved: usize,
+    /// Sum of the lengths of the moves.
+    way: f64,
+    max_way: f64,
 }
 
 /// Foot points of some sorted points, given by position, that start from the nearest samples of the map as well. What is
@@ -178,32 +186,43 @@ struct Chunk<'a, const D: usize> {
     starts: Option<&'a Parameters<D>>,
     blocks: &'a [PointBlock<D>],
     constraints: &'a Constraints<D>,
-    range: Range<usize>,
+    first: usize,
+    parameters: &'a mut [[f64; D]],
+    cells: &'a mut [u32],
+    distances: &'a mut [f64],
 }
 
 impl<const D: usize> WithSimd for Chunk<'_, D> {
-    type Output = Vec<Found<D>>;
+    type Output = ChunkReport;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
-        let Self { search, points, starts, blocks, constraints, range } = self;
+        let Self { search, points, starts, blocks, constraints, first, parameters, cells, distances } = self;
         let offsets = points.offsets();
-        let mut cell = offsets.partition_point(|&o| o <= range.start) - 1;
+        let mut cell = offsets.partition_point(|&o| o <= first) - 1;
         let mut patch = Patch::new(search.map, cell);
-        let mut found = Vec::with_capacity(range.len());
-        for at in range {
+        let mut report = ChunkReport::default();
+        for i in 0..parameters.len() {
+            let at = first + i;
             while offsets[cell + 1] <= at {
                 cell += 1;
             }
-            let free = constraints.free(points.order()[at] as usize);
+            let (free, before) = (constraints.free(points.order()[at] as usize), points.parameter(at));
             let (cell, u) = match starts {
                 Some(starts) => (starts.cells[at] as usize, starts.values[at]),
-                None => (cell, points.parameter(at)),
+                None => (cell, before),
             };
             let target = Target { point: point(points, at), spring: blocks.get(at).map(|block| block.spring) };
-            found.push(search.find(&mut patch, &target, cell, u, free));
+            let found = search.find(&mut patch, &target, cell, u, free);
+            (parameters[i], cells[i], distances[i]) = (found.u, found.cell as u32, found.squared.sqrt());
+            let length = search.space.way(before, found.u).iter().map(|w| w.powi(2)).sum::<f64>().sqrt();
+            report.steps += found.steps;
+            report.max_steps = report.max_steps.max(found.steps);
+            report.moved += usize::from(length > 0.0);
+            report.way += length;
+            report.max_way = report.max_way.max(length);
         }
-        found
+        report
     }
 }
 

@@ -1,7 +1,5 @@
 //! Residuals and tangents of a map at the parameters of points.
 
-use std::ops::Range;
-
 use fit_ls::SortedPoints;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -36,44 +34,71 @@ pub(crate) fn frames_at<const D: usize, S: CellSpace<D>>(
     map: &SplineMap<D, S>,
     points: &SortedPoints<D>,
 ) -> Result<Vec<Frame<D>>, Error> {
+    let mut frames = Vec::new();
+    frames_into(map, points, &mut frames)?;
+    Ok(frames)
+}
+
+/// The same in a buffer that is used again.
+pub(crate) fn frames_into<const D: usize, S: CellSpace<D>>(
+    map: &SplineMap<D, S>,
+    points: &SortedPoints<D>,
+    frames: &mut Vec<Frame<D>>,
+) -> Result<(), Error> {
     check(map, points)?;
-    let chunks: Vec<Vec<Frame<D>>> = (0..points.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let range = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(points.len());
-            pulp::Arch::new().dispatch(Chunk { map: map.bezier(), points, range })
-        })
-        .collect();
-    Ok(chunks.concat())
+    let map = map.bezier();
+    frames.resize(points.len(), Frame { residual: [0.0; 4], tangents: [[0.0; 4]; D] });
+    frames.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, frames)| {
+        pulp::Arch::new().dispatch(Chunk { map, points, first: chunk * CHUNK, frames });
+    });
+    Ok(())
 }
 
 struct Chunk<'a, const D: usize> {
     map: &'a BezierMap<D>,
     points: &'a SortedPoints<D>,
-    range: Range<usize>,
+    first: usize,
+    frames: &'a mut [Frame<D>],
 }
 
 impl<const D: usize> WithSimd for Chunk<'_, D> {
-    type Output = Vec<Frame<D>>;
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
-        let Self { map, points, range } = self;
-        let offsets = points.offsets();
-        let mut cell = offsets.partition_point(|&o| o <= range.start) - 1;
-        let mut patch = Patch::new(map, cell);
-        let mut frames = Vec::with_capacity(range.len());
-        for at in range {
-            while offsets[cell + 1] <= at {
-                cell += 1;
-            }
-            if patch.cell() != cell {
-                patch.load(map, cell);
-            }
-            let jet = patch.first_jet(points.parameter(at));
-            let residual = difference(&jet.value, &point(points, at));
-            frames.push(Frame { residual, tangents: jet.first });
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { map, points, first, frames } = self;
+        let mut around = PatchOfPlace::new(map, points, first);
+        for (at, frame) in (first..).zip(frames) {
+            let jet = around.at(at).first_jet(points.parameter(at));
+            *frame = Frame { residual: difference(&jet.value, &point(points, at)), tangents: jet.first };
         }
-        frames
+    }
+}
+
+/// The polynomial of the cell of one sorted point after the other.
+pub(crate) struct PatchOfPlace<'a, const D: usize> {
+    map: &'a BezierMap<D>,
+    offsets: &'a [usize],
+    cell: usize,
+    patch: Patch<D>,
+}
+
+impl<'a, const D: usize> PatchOfPlace<'a, D> {
+    pub(crate) fn new(map: &'a BezierMap<D>, points: &'a SortedPoints<D>, first: usize) -> Self {
+        let offsets = points.offsets();
+        let cell = offsets.partition_point(|&o| o <= first) - 1;
+        Self { map, offsets, cell, patch: Patch::new(map, cell) }
+    }
+
+    /// The polynomial at a place that is not before the last one asked for.
+    #[inline(always)]
+    pub(crate) fn at(&mut self, place: usize) -> &Patch<D> {
+        while self.offsets[self.cell + 1] <= place {
+            self.cell += 1;
+        }
+        if self.patch.cell() != self.cell {
+            self.patch.load(self.map, self.cell);
+        }
+        &self.patch
     }
 }

@@ -77,29 +77,35 @@ impl<const D: usize> Patch<D> {
     /// Value and derivatives. Outside the cell they are those of the extended polynomial.
     #[inline(always)]
     pub(crate) fn jet(&self, u: [f64; D]) -> Jet<D> {
-        self.derivatives::<true>(u)
+        self.derivatives::<2>(u)
     }
 
     /// The same without second derivatives, which are zero.
     #[inline(always)]
     pub(crate) fn first_jet(&self, u: [f64; D]) -> Jet<D> {
-        self.derivatives::<false>(u)
+        self.derivatives::<1>(u)
+    }
+
+    /// The value alone, to the last bit that of the others.
+    #[inline(always)]
+    pub(crate) fn value(&self, u: [f64; D]) -> Vector {
+        self.derivatives::<0>(u).value
     }
 
     #[inline(always)]
-    fn derivatives<const SECOND: bool>(&self, u: [f64; D]) -> Jet<D> {
+    fn derivatives<const ORDER: usize>(&self, u: [f64; D]) -> Jet<D> {
         // PERF: loops of known length for the usual degrees; example `foot_points`.
         if self.degree == [2; D] {
-            self.derivatives_of::<SECOND>([3; D], u)
+            self.derivatives_of::<ORDER>([3; D], u)
         } else if self.degree == [3; D] {
-            self.derivatives_of::<SECOND>([4; D], u)
+            self.derivatives_of::<ORDER>([4; D], u)
         } else {
-            self.derivatives_of::<SECOND>(self.degree.map(|p| p + 1), u)
+            self.derivatives_of::<ORDER>(self.degree.map(|p| p + 1), u)
         }
     }
 
     #[inline(always)]
-    fn derivatives_of<const SECOND: bool>(&self, orders: [usize; D], u: [f64; D]) -> Jet<D> {
+    fn derivatives_of<const ORDER: usize>(&self, orders: [usize; D], u: [f64; D]) -> Jet<D> {
         let mut basis = [[[0.0; MAX_DEGREE + 1]; 3]; D];
         for d in 0..D {
             let scale = self.inverse_size[d];
@@ -110,7 +116,7 @@ impl<const D: usize> Patch<D> {
         for (line, rows) in self.coefficients.chunks_exact(inner).enumerate() {
             let mut along = [[0.0; 4]; 3];
             for (i, row) in rows.iter().enumerate() {
-                for order in 0..if SECOND { 3 } else { 2 } {
+                for order in 0..=ORDER {
                     add(&mut along[order], basis[0][order][i], row);
                 }
             }
@@ -125,14 +131,17 @@ impl<const D: usize> Patch<D> {
             let weight = |orders: [usize; D]| (1..D).map(|d| basis[d][orders[d]][index[d]]).product::<f64>();
             let plain = weight([0; D]);
             add(&mut jet.value, plain, &along[0]);
+            if ORDER == 0 {
+                continue;
+            }
             add(&mut jet.first[0], plain, &along[1]);
-            if SECOND {
+            if ORDER == 2 {
                 add(&mut jet.second[0][0], plain, &along[2]);
             }
             for a in 1..D {
                 let w = weight(std::array::from_fn(|d| usize::from(d == a)));
                 add(&mut jet.first[a], w, &along[0]);
-                if !SECOND {
+                if ORDER < 2 {
                     continue;
                 }
                 add(&mut jet.second[0][a], w, &along[1]);
