@@ -217,16 +217,8 @@ fn tried(value: &Value) -> String {
         format!("{name} {} {what} ({:.1} s)", tried["control_points"], tried["seconds"].as_f64().unwrap_or(0.0))
     };
     let all = value.as_array().map(Vec::as_slice).unwrap_or_default();
-    // The last that was better than what there was before.
-    let is_kept = |tried: &Value| match &tried["reason"] {
-        Value::String(word) => matches!(word.as_str(), "first" | "better" | "closer"),
-        Value::Object(reason) => reason.contains_key("fewer"),
-        _ => false,
-    };
-    let kept = all.iter().rposition(is_kept);
-    let one =
-        |(at, tried): (usize, &Value)| if Some(at) == kept { format!("**{}**", tell(tried)) } else { tell(tried) };
-    all.iter().enumerate().map(one).collect::<Vec<_>>().join("; ")
+    let one = |tried: &Value| if tried["kept"] == true { format!("**{}**", tell(tried)) } else { tell(tried) };
+    all.iter().map(one).collect::<Vec<_>>().join("; ")
 }
 
 #[cfg(test)]
@@ -248,7 +240,7 @@ mod tests {
             "deviation": {"scan_to_surface": side, "surface_to_scan": side, "gathered": {"total": 0.0}},
             "tried": [
                 {"candidate": "fixed", "control_points": 80, "verdict": "good", "reason": "first", "seconds": 0.5},
-                {"candidate": "moving", "control_points": 60, "verdict": "good", "reason": {"fewer": 0.75}, "seconds": 1.0},
+                {"candidate": "moving", "control_points": 60, "verdict": "good", "reason": {"fewer": 0.75}, "kept": true, "seconds": 1.0},
                 {"candidate": "moving-freely", "control_points": 58, "gave_up": {"needs-as-many": 0.97}, "seconds": 1.5},
             ],
         });

@@ -42,7 +42,9 @@ pub struct Tried {
     /// Why it was given up, if it was.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gave_up: Option<GaveUp>,
-    /// Why it was kept or not, if it came to that.
+    /// Whether it is the result.
+    pub kept: bool,
+    /// Why it replaced what was kept before or not, if it came to that.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<Reason>,
     /// The error that ended it, if one did.
@@ -67,6 +69,7 @@ impl Tried {
             verdict: None,
             within: 0.0,
             gave_up: None,
+            kept: false,
             reason: None,
             error: None,
             seconds: 0.0,
@@ -300,6 +303,7 @@ impl<'a, 'o> Trials<'a, 'o> {
         for (&place, reason) in self.places.iter().zip(reasons) {
             self.tried[place].reason = Some(reason);
         }
+        self.tried[self.places[best]].kept = true;
         Chosen { attempt: self.attempts.swap_remove(best), tried: self.tried }
     }
 }
