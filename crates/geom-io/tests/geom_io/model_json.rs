@@ -1,6 +1,7 @@
 //! The JSON format: nothing is lost, nothing damaged is taken for a model, nothing panics.
 
 use crate::model_common::{curve, random_map, random_space, ring, sheet};
+use geom_io::model::gismo::{parse_gismo, write_gismo};
 use geom_io::model::json::{parse_json, write_json};
 use geom_io::model::{Geometry, LengthUnit, Model, ModelErrorKind, WriteOptions, read_model, write_model};
 use proptest::prelude::*;
@@ -120,6 +121,26 @@ fn periodic_maps_come_back_to_the_last_bit() {
     assert!(matches!(few, Err(ModelErrorKind::Spline(_))), "{few:?}");
     let short = changed("\"splits\"", "\"periodic\": [true], \"splits\"");
     assert!(matches!(short, Err(ModelErrorKind::Count { what: "flags of periodic directions", .. })), "{short:?}");
+}
+
+/// What is read can be written in every format, so knots are refused of which round-off leaves nothing a period on.
+#[test]
+fn periodic_spans_that_vanish_are_refused() {
+    for (first, is_sound) in [(6.251e-310, false), (1e-17, false), (1e-15, true)] {
+        let text = format!(
+            "{{\"format\": \"thb-spline-model\", \"version\": 2, \"dimension\": 1, \"kind\": \"thb\", \"unit\": \"millimetre\", \
+             \"degrees\": [2], \"knots\": [[0.0, {first:e}, 0.25, 0.5, 1.0]], \"periodic\": [true], \"splits\": [], \
+             \"coefficients\": [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]}}"
+        );
+        match parse_json(text.as_bytes()) {
+            Ok(model) => {
+                let mut xml = Vec::new();
+                write_gismo(&mut xml, &model).unwrap();
+                assert!(is_sound && parse_gismo(&xml).is_ok(), "{first:e}");
+            }
+            Err(error) => assert!(!is_sound && matches!(error, ModelErrorKind::Spline(_)), "{first:e}: {error}"),
+        }
+    }
 }
 
 #[test]
