@@ -89,6 +89,12 @@ pub(crate) fn densify(
 /// Derived: refinement halves cells, so that one which is three times halved still reaches over the edge.
 const BRIDGES: f64 = 8.0;
 
+/// Share of the parameter's range that such a stretch takes at least: sections whose points crowd round an edge have steps of many medians,
+/// but none that is long for the part.
+///
+/// Derived: a quarter of an element of the usual level 0, which two refinements halve twice.
+const BRIDGED: f64 = 1.0 / 16.0;
+
 /// Weight of a point that was added to such a stretch, in weights of points for the same area.
 ///
 /// Calibrated: `thb fit --closed u` of nine sections of a cone with radii from 10 to 6, at 0, 1, 2, 3, 40, 80, 81, 82 and 83 along it: the
@@ -115,7 +121,13 @@ pub(crate) fn bridge(curved: &CurvedTriangles, parameters: ArrayView2<'_, f64>, 
         }
     });
     let given = mesh.places.len();
-    mesh = mesh.split_all(periodic, |a, b| longest[along(a, b)])?;
+    // Parameters are spread over the unit square.
+    let reaches = |a: [f64; 2], b: [f64; 2], d: usize| (b[d] - a[d]).abs() > BRIDGED;
+    let allowed = |a, b| {
+        let d = along(a, b);
+        if reaches(a, b, d) { longest[d] } else { f64::INFINITY }
+    };
+    mesh = mesh.split_all(periodic, allowed)?;
     let mut denser = mesh.denser()?;
     denser.weights.iter_mut().skip(given).for_each(|weight| *weight *= WEIGHT_OF_BRIDGE);
     Some(denser)
