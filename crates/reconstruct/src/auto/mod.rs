@@ -97,7 +97,7 @@ pub(crate) fn fit(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) 
         trials.run(Candidate::Moving, watch)?;
     }
     // Who asks for all points has parameters that move freely already.
-    if options.within < 1.0 && !trials.is_interrupted() {
+    if options.within < 1.0 && !trials.is_interrupted() && !trials.is_least() {
         trials.run(Candidate::MovingFreely, watch)?;
     }
     Ok(trials.into_best())
@@ -153,12 +153,16 @@ impl<'a, 'o> Trials<'a, 'o> {
         self.attempts.iter().any(|attempt| attempt.fitted.stop == Stop::Interrupted)
     }
 
+    /// Whether the best so far is good with no more functions than everything begins with: nothing has fewer.
+    fn is_least(&self) -> bool {
+        let least = |best: usize| self.measured[best].control_points == self.task.space.n_functions();
+        !self.options.exhaustive && self.is_good() && self.best().is_some_and(least)
+    }
+
     /// Whether nothing is to be tried after fixed parameters: they did it in the space that everything begins with, or the points are
     /// heights over a plane, whose parameters are what they are meant to be.
     fn is_done(&self) -> bool {
-        let is_coarsest =
-            |fixed: &Measured| fixed.verdict == Verdict::Good && fixed.control_points == self.task.space.n_functions();
-        let ended = self.measured.first().is_some_and(|fixed| is_coarsest(fixed) || self.task.problem.is_graph());
+        let ended = !self.measured.is_empty() && (self.is_least() || self.task.problem.is_graph());
         !self.options.exhaustive && ended || self.is_interrupted()
     }
 
