@@ -7,6 +7,7 @@ pub mod generate;
 mod process;
 pub mod tables;
 pub mod tidy;
+mod timed_fit;
 pub mod train;
 
 use std::path::{Path, PathBuf};

@@ -1,19 +1,16 @@
 //! One fit of the corpus.
 
 use std::fmt;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use reconstruct::{Event, FitOptions, Policy, Tolerance, fit_file};
+use reconstruct::{FitOptions, Policy, Tolerance};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::process::{Clock, peak_memory};
-
-/// CPU seconds after which a fit ends with the surface of then.
-const LIMIT_SECONDS: f64 = 600.0;
+use crate::process::peak_memory;
+use crate::timed_fit::timed_fit;
 
 /// How much control points may differ between rows that are the same, as a share: sums in another order.
 const SAME_CONTROL_POINTS: f64 = 0.02;
@@ -53,11 +50,9 @@ pub fn run(job: &str) -> Result<Value> {
         exhaustive: job.all_candidates,
         ..FitOptions::default()
     };
-    let (clock, start) = (Clock::start(), Instant::now());
-    let in_time =
-        |_: Event<'_>| if clock.seconds() < LIMIT_SECONDS { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-    let fit = fit_file(&job.path, &options, &mut { in_time });
-    let (cpu, wall) = (clock.seconds(), start.elapsed().as_secs_f64());
+    let start = Instant::now();
+    let (fit, cpu) = timed_fit(&job.path, &options);
+    let wall = start.elapsed().as_secs_f64();
     let (result, error) = match fit {
         Ok(fit) => (serde_json::to_value(&fit.report.result)?, String::new()),
         Err(error) => (Value::Null, error.to_string()),

@@ -5,16 +5,15 @@ mod row;
 
 use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
-use reconstruct::{Event, FitOptions, OutputPaths, Tolerance, fit_file, write_outputs};
+use reconstruct::{FitOptions, OutputPaths, Tolerance, write_outputs};
 use serde_json::Value;
 
 use super::markdown::table;
-use crate::process::Clock;
+use crate::timed_fit::timed_fit;
 use files::{KINDS, Kind};
 use row::{Direction, Row};
 
@@ -25,9 +24,6 @@ const PERCENTS: [f64; 2] = [0.5, 0.1];
 const EXIT_SUCCESS: u8 = 0;
 const EXIT_ERROR: u8 = 1;
 const EXIT_FAILED: u8 = 3;
-
-/// CPU seconds after which a fit ends with the surface of then.
-const LIMIT_SECONDS: f64 = 600.0;
 
 /// The meter, below the root of the workspace.
 const METER: &str = "tests/peers/measure_step.py";
@@ -149,11 +145,7 @@ fn commit(root: &Path) -> String {
 /// Fits a file, writes the surface and has it measured.
 fn fitted(file: &str, path: &Path, percent: f64, step: &Path, python: &Path, meter: &Path) -> Row {
     let options = FitOptions { tol: Tolerance::Percent(percent), ..FitOptions::default() };
-    let clock = Clock::start();
-    let in_time =
-        |_: Event<'_>| if clock.seconds() < LIMIT_SECONDS { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-    let fit = fit_file(path, &options, &mut { in_time });
-    let seconds = clock.seconds();
+    let (fit, seconds) = timed_fit(path, &options);
     let mut row = Row {
         file: file.to_owned(),
         percent,
