@@ -1,7 +1,5 @@
 //! What is tried, and what is known of it afterwards.
 
-use std::fmt;
-
 use deviation::Verdict;
 use moving_param::JointOptions;
 use serde::Serialize;
@@ -22,9 +20,6 @@ pub enum Candidate {
 }
 
 impl Candidate {
-    /// All, the cheapest first.
-    pub const ALL: [Self; 3] = [Self::Fixed, Self::Moving, Self::MovingFreely];
-
     pub(super) fn method(self) -> Method {
         match self {
             Self::Fixed => Method::Ls,
@@ -46,16 +41,6 @@ impl Candidate {
             Self::Moving => "fitting with moving parameters",
             Self::MovingFreely => "fitting with parameters that move freely",
         }
-    }
-}
-
-impl fmt::Display for Candidate {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Fixed => "fixed",
-            Self::Moving => "moving",
-            Self::MovingFreely => "moving-freely",
-        })
     }
 }
 

@@ -40,7 +40,7 @@ pub enum Reason {
     Defective(Vec<Defect>),
 }
 
-/// Chooses among measured candidates, of which the first has fixed parameters or is the only one. Returns its place, and for each
+/// Chooses among measured candidates, of which the first has fixed parameters unless these were left. Returns its place, and for each
 /// candidate why it was kept or not, in the order in which they were compared.
 ///
 /// Each is compared with the best of those before it: the better verdict wins; among failed ones the closer one; else the one with clearly
@@ -61,7 +61,7 @@ pub(super) fn choose(measured: &[Measured], policy: &Policy) -> (usize, Vec<Reas
     (best, reasons)
 }
 
-/// Whether a candidate replaces the best so far. `first` has fixed parameters.
+/// Whether a candidate replaces the best so far.
 fn compare(first: &Measured, best: &Measured, candidate: &Measured, policy: &Policy) -> Reason {
     let mut found = defects(candidate, first, policy);
     if best.verdict < Verdict::Failed && lies_across(candidate, best, policy) {
@@ -84,15 +84,15 @@ fn compare(first: &Measured, best: &Measured, candidate: &Measured, policy: &Pol
     if share <= policy.most_control_points { Reason::Fewer(share) } else { Reason::NotFewer(share) }
 }
 
-/// What a candidate should not have, beside the fit with fixed parameters.
-fn defects(candidate: &Measured, fixed: &Measured, policy: &Policy) -> Vec<Defect> {
-    let passes = fixed.verdict < Verdict::Failed;
-    let far = policy.far.max(if passes { policy.further * fixed.farthest } else { 0.0 });
-    let creased = if passes { fixed.creases + policy.creased_more } else { policy.creased };
+/// What a candidate should not have, beside the first.
+fn defects(candidate: &Measured, first: &Measured, policy: &Policy) -> Vec<Defect> {
+    let passes = first.verdict < Verdict::Failed;
+    let far = policy.far.max(if passes { policy.further * first.farthest } else { 0.0 });
+    let creased = if passes { first.creases + policy.creased_more } else { policy.creased };
     [
         (candidate.farthest > far, Defect::Far),
         (candidate.creases > creased, Defect::Creased),
-        (candidate.missed_markers > fixed.missed_markers, Defect::MissesMarkers),
+        (candidate.missed_markers > first.missed_markers, Defect::MissesMarkers),
     ]
     .into_iter()
     .filter_map(|(has, defect)| has.then_some(defect))

@@ -10,10 +10,9 @@ use std::time::Instant;
 use adaptive::{Iteration, Stop};
 use deviation::{Verdict, tilted};
 use moving_param::JointOptions;
-use ndarray::{Array2, ArrayView2};
 use point_cloud::LocalFrames;
 use serde::Serialize;
-use thb_core::{CellSpace, SplineMap};
+use thb_core::CellSpace;
 
 use crate::attempt::{Attempt, CREASE_SAMPLES, attempt};
 use crate::methods::{self, Fitted, Task};
@@ -89,8 +88,8 @@ pub(crate) fn fit(task: &Task<'_>, options: &FitOptions, watch: &mut Watch<'_>) 
         return Ok(trials.into_best());
     }
     trials.run(Candidate::Moving, watch)?;
-    if !trials.is_good() {
-        trials.take_up_fixed(watch)?;
+    if !trials.is_good() && !trials.is_interrupted() && trials.left.is_some() {
+        trials.run(Candidate::Fixed, watch)?;
     }
     if !trials.is_good() && !trials.is_interrupted() && trials.gave_up(Candidate::Moving) {
         // What it was compared with did not end well.
@@ -111,27 +110,25 @@ struct Trials<'a, 'o> {
     attempts: Vec<Attempt>,
     measured: Vec<Measured>,
     tried: Vec<Tried>,
-    /// Places in `tried` of those that ended by themselves.
-    places: Vec<usize>,
     /// What fixed parameters came to when they were left.
     left: Option<Fitted>,
     /// The smoothing weight of fixed parameters.
     lambda: Option<f64>,
-    sides: Option<Sides<'a>>,
+    /// Whether the points are heights over a plane, whose parameters are what they are meant to be.
+    is_graph: bool,
 }
 
 impl<'a, 'o> Trials<'a, 'o> {
     fn new(task: Task<'a>, options: &'o FitOptions) -> Self {
         Self {
+            is_graph: task.problem.is_graph(),
             task,
             options,
             attempts: Vec::new(),
             measured: Vec::new(),
             tried: Vec::new(),
-            places: Vec::new(),
             left: None,
             lambda: None,
-            sides: None,
         }
     }
 
@@ -160,23 +157,21 @@ impl<'a, 'o> Trials<'a, 'o> {
     }
 
     /// Whether nothing is to be tried after fixed parameters: they did it in the space that everything begins with, or the points are
-    /// heights over a plane, whose parameters are what they are meant to be.
+    /// heights.
     fn is_done(&self) -> bool {
-        let ended = !self.measured.is_empty() && (self.is_least() || self.task.problem.is_graph());
+        let ended = !self.measured.is_empty() && (self.is_least() || self.is_graph);
         !self.options.exhaustive && ended || self.is_interrupted()
     }
 
+    /// Fixed parameters tell the smoothing weight; where they have not reached what was asked, the others are limited by the points.
     fn options_of(&self, candidate: Candidate) -> FitOptions {
-        let method = candidate.method();
-        let Some(lambda) = self.lambda else { return FitOptions { method, ..self.options.clone() } };
-        let points = self.task.problem.points.nrows() as f64;
-        let most = (self.options.policy.most_per_point * points) as usize;
-        FitOptions {
-            method,
-            lambda: LambdaChoice::Fixed(lambda),
-            max_dofs: self.options.max_dofs.or(Some(most)),
-            ..self.options.clone()
+        let mut options = FitOptions { method: candidate.method(), ..self.options.clone() };
+        options.lambda = self.lambda.map_or(options.lambda, LambdaChoice::Fixed);
+        if candidate != Candidate::Fixed {
+            let points = self.task.problem.points.nrows() as f64;
+            options.max_dofs.get_or_insert((self.options.policy.most_per_point * points) as usize);
         }
+        options
     }
 
     /// How far a candidate may go.
@@ -191,8 +186,8 @@ impl<'a, 'o> Trials<'a, 'o> {
         let history = |best: usize| self.attempts[best].fitted.history.as_slice();
         let left = self.left.as_ref().map_or(&[][..], |fitted| &fitted.history);
         match candidate {
-            // A graph is left as it is.
-            Candidate::Fixed if self.task.problem.is_graph() => Limits::NONE,
+            // Heights are left as they are, and what is taken up again is not left once more.
+            Candidate::Fixed if self.is_graph || self.lambda.is_some() => Limits::NONE,
             Candidate::Fixed => Limits { spaces: policy.first_spaces as usize, ..Limits::NONE },
             Candidate::Moving => Limits {
                 rival: rival.map_or(left, history),
@@ -209,10 +204,14 @@ impl<'a, 'o> Trials<'a, 'o> {
         }
     }
 
-    /// Fits a candidate until it ends or is given up. Only the first may fail: errors of the others are told.
+    /// Fits a candidate until it ends or is given up; fixed parameters that were left go on from the space in which they were. An error
+    /// is told in the report if there is something else.
     fn run(&mut self, candidate: Candidate, watch: &mut Watch<'_>) -> Result<(), Error> {
         let _ = watch(Event::Step(candidate.step()));
         let (start, options) = (Instant::now(), self.options_of(candidate));
+        let left = self.left.take_if(|_| candidate == Candidate::Fixed);
+        let space = left.as_ref().map_or(&self.task.space, |left| left.map.space()).clone();
+        let task = Task { space, ..self.task.clone() };
         let mut tried = Tried::new(candidate);
         let mut budget = Budget::new(self.limits(candidate));
         let mut observer = |record: &Iteration| -> ControlFlow<()> {
@@ -220,14 +219,17 @@ impl<'a, 'o> Trials<'a, 'o> {
             watch(Event::Iteration(record))?;
             budget.after(record)
         };
-        let fitted = methods::fit(&candidate.joint(), &self.task, &options, &mut observer);
+        let fitted = methods::fit(&candidate.joint(), &task, &options, &mut observer);
         let gave_up = budget.gave_up();
         match fitted {
-            Err(error) if self.tried.is_empty() => return Err(error),
+            Err(error) if candidate == Candidate::Fixed && self.measured.is_empty() => return Err(error),
             Err(error) => tried.error = Some(error.to_string()),
-            Ok(fitted) => {
+            Ok(mut fitted) => {
+                if let Some(left) = left {
+                    fitted.history = joined(left.history, fitted.history);
+                }
                 if candidate == Candidate::Fixed {
-                    self.lambda = Some(fitted.lambda);
+                    self.lambda.get_or_insert(fitted.lambda);
                 }
                 // A loop that reached what was asked has ended by itself, whatever it was told.
                 tried.gave_up = gave_up.filter(|_| fitted.stop == Stop::Interrupted);
@@ -238,32 +240,6 @@ impl<'a, 'o> Trials<'a, 'o> {
                 }
             }
         }
-        tried.seconds = start.elapsed().as_secs_f64();
-        tracing::info!(?tried, "tried");
-        self.tried.push(tried);
-        Ok(())
-    }
-
-    /// Goes on with fixed parameters, from the space in which they were left.
-    fn take_up_fixed(&mut self, watch: &mut Watch<'_>) -> Result<(), Error> {
-        let Some(left) = self.left.take() else { return Ok(()) };
-        let _ = watch(Event::Step(Candidate::Fixed.step()));
-        let (start, mut tried) = (Instant::now(), Tried::new(Candidate::Fixed));
-        let options = FitOptions { max_dofs: self.options.max_dofs, ..self.options_of(Candidate::Fixed) };
-        let mut observer = |record: &Iteration| -> ControlFlow<()> {
-            (tried.control_points, tried.within) = (record.dofs, record.deviation.within);
-            watch(Event::Iteration(record))
-        };
-        let task = Task { space: left.map.space().clone(), ..self.task.clone() };
-        let mut fitted = methods::fit(&Candidate::Fixed.joint(), &task, &options, &mut observer)?;
-        // The first iteration repeats the last one.
-        let again = fitted.history.split_off(1);
-        fitted.history = left.history;
-        fitted.history.extend(again);
-        for (number, record) in fitted.history.iter_mut().enumerate() {
-            record.iteration = number;
-        }
-        self.measure(&mut tried, fitted, watch)?;
         tried.seconds = start.elapsed().as_secs_f64();
         tracing::info!(?tried, "tried");
         self.tried.push(tried);
@@ -283,7 +259,6 @@ impl<'a, 'o> Trials<'a, 'o> {
         let at = if candidate == Candidate::Fixed { 0 } else { self.measured.len() };
         self.measured.insert(at, measured);
         self.attempts.insert(at, attempt);
-        self.places.insert(at, self.tried.len());
         self.look_across(candidate)
     }
 
@@ -294,9 +269,14 @@ impl<'a, 'o> Trials<'a, 'o> {
             return Ok(());
         }
         let before = choose(&self.measured[..last], &self.options.policy).0;
-        let sides = self.sides.get_or_insert_with(|| Sides::new(self.task.problem.points));
+        let points = self.task.problem.points;
+        let normals = LocalFrames::estimate(points).ok().map(|frames| frames.normals);
         for at in [before, last] {
-            self.measured[at].across = Some(sides.share_of_area_across_normals(&self.attempts[at].fitted.map)?);
+            let map = &self.attempts[at].fitted.map;
+            // Too few points for normals tell nothing.
+            let across =
+                normals.as_ref().map(|normals| tilted(map, points, normals.view(), CREASE_SAMPLES)).transpose()?;
+            self.measured[at].across = across;
         }
         Ok(())
     }
@@ -304,29 +284,21 @@ impl<'a, 'o> Trials<'a, 'o> {
     /// The best attempt; something has ended by itself, since nothing limits fixed parameters that were taken up again.
     fn into_best(mut self) -> Chosen {
         let (best, reasons) = choose(&self.measured, &self.options.policy);
-        for (&place, reason) in self.places.iter().zip(reasons) {
-            self.tried[place].reason = Some(reason);
+        for (at, reason) in reasons.into_iter().enumerate() {
+            // A candidate is measured once.
+            let is_it = |tried: &&mut Tried| tried.candidate == self.measured[at].candidate && tried.verdict.is_some();
+            if let Some(tried) = self.tried.iter_mut().find(is_it) {
+                (tried.reason, tried.kept) = (Some(reason), at == best);
+            }
         }
-        self.tried[self.places[best]].kept = true;
         Chosen { attempt: self.attempts.swap_remove(best), tried: self.tried }
     }
 }
 
-/// Which way the points lie, which tells where a surface over them is torn.
-struct Sides<'a> {
-    points: ArrayView2<'a, f64>,
-    /// Unit normals at the points; `None` where there are too few points for any.
-    normals: Option<Array2<f64>>,
-}
-
-impl<'a> Sides<'a> {
-    fn new(points: ArrayView2<'a, f64>) -> Self {
-        Self { points, normals: LocalFrames::estimate(points).ok().map(|frames| frames.normals) }
+/// The iterations of a loop and of the one that goes on where it ended, of which the first repeats the last one.
+fn joined(mut first: Vec<Iteration>, again: Vec<Iteration>) -> Vec<Iteration> {
+    for record in again.into_iter().skip(1) {
+        first.push(Iteration { iteration: first.len(), ..record });
     }
-
-    /// Share of the area of a surface that lies across the points around it.
-    fn share_of_area_across_normals(&self, map: &SplineMap<2>) -> Result<f64, Error> {
-        let Some(normals) = &self.normals else { return Ok(0.0) };
-        Ok(tilted(map, self.points, normals.view(), CREASE_SAMPLES)?)
-    }
+    first
 }
