@@ -99,13 +99,7 @@ impl<'a> Scan<'a> {
 
     /// The triangles that tell where the scan passes through itself.
     pub(crate) fn sheet(&self) -> &[[u32; 3]] {
-        match &self.kind {
-            Kind::Mesh(mesh) => mesh.curved.triangles(),
-            Kind::Cloud(cloud) => match &cloud.spanned {
-                Some(mesh) if cloud.neighbours_are_known => mesh.curved.triangles(),
-                _ => &[],
-            },
-        }
+        self.curved().or(self.spanned()).map_or(&[], CurvedTriangles::triangles)
     }
 
     /// A mesh, whose triangles name `points`. One without area is a cloud.
@@ -143,6 +137,14 @@ impl<'a> Scan<'a> {
         match &self.kind {
             Kind::Mesh(mesh) => Some(&mesh.curved),
             Kind::Cloud(_) => None,
+        }
+    }
+
+    /// The curved triangles spanned over a cloud whose neighbours are known.
+    pub fn spanned(&self) -> Option<&CurvedTriangles> {
+        match &self.kind {
+            Kind::Cloud(cloud) if cloud.neighbours_are_known => cloud.spanned.as_ref().map(|mesh| &mesh.curved),
+            _ => None,
         }
     }
 

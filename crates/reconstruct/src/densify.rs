@@ -122,12 +122,10 @@ pub(crate) fn bridge(curved: &CurvedTriangles, parameters: ArrayView2<'_, f64>, 
     });
     let given = mesh.places.len();
     // Parameters are spread over the unit square.
-    let reaches = |a: [f64; 2], b: [f64; 2], d: usize| (b[d] - a[d]).abs() > BRIDGED;
-    let allowed = |a, b| {
+    mesh = mesh.split_all(periodic, |a, b| {
         let d = along(a, b);
-        if reaches(a, b, d) { longest[d] } else { f64::INFINITY }
-    };
-    mesh = mesh.split_all(periodic, allowed)?;
+        if (b[d] - a[d]).abs() > BRIDGED { longest[d] } else { f64::INFINITY }
+    })?;
     let mut denser = mesh.denser()?;
     denser.weights.iter_mut().skip(given).for_each(|weight| *weight *= WEIGHT_OF_BRIDGE);
     Some(denser)

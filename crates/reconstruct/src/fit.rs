@@ -80,37 +80,37 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let _guard = span.enter();
     let source = Source::of(&scan, name, options);
     let laid_out = parameterize(scan, &options.parameters, watch)?;
-    let task = Task::of(options, &laid_out)?;
-    let chosen = fit_laid_out(&laid_out, &task, watch)?;
+    let asked = Asked::of(options, &laid_out)?;
+    let chosen = fit_laid_out(&laid_out, &asked, watch)?;
     let mut warnings = laid_out.warnings.clone();
     warnings.extend(units::hint(options.units, source.unit, laid_out.diagonal));
-    warnings.extend(task.warnings.iter().cloned());
+    warnings.extend(asked.warnings.iter().cloned());
     let given = laid_out.report.method == "given" && !source.has_heights;
-    let of_surface = of_surface(&chosen.attempt, &laid_out, &task.options, task.diagonal, given);
+    let of_surface = of_surface(&chosen.attempt, &laid_out, &asked.options, asked.diagonal, given);
     warnings.extend(of_surface.iter().map(Warning::to_string));
     let Fitted { map, parameters, reweighting, history: iterations, moves, quasi, .. } = &chosen.attempt.fitted;
-    let set_aside = task.options.reweighting.max_set_aside;
+    let set_aside = asked.options.reweighting.max_set_aside;
     warnings.extend(reweighting.iter().flat_map(|found| found.warnings(laid_out.points.nrows(), set_aside)));
     let trimmed =
-        if options.trim_holes { Some(trims(&laid_out, map, parameters.view(), task.tolerance)?) } else { None };
+        if options.trim_holes { Some(trims(&laid_out, map, parameters.view(), asked.tolerance)?) } else { None };
     warnings.extend(trimmed.iter().flat_map(|found| found.warnings.clone()));
     let holes = trimmed.map(|found| found.holes);
     let normals = laid_out.normals.as_ref().map(|normals| vote(map, parameters, normals)).transpose()?.flatten();
     warnings.extend(normals.and_then(|normals| normals.warning()));
-    let thresholds = task.thresholds();
+    let thresholds = asked.thresholds();
     let mut reasons = chosen.attempt.judgement.reasons.clone();
     reasons.extend(thresholds.set_aside(laid_out.report.cleaning.share_set_aside()));
     reasons.extend(laid_out.report.layers.as_ref().map(|found| thresholds.two_layers(found.distance, found.share)));
 
     let unit = units::resolve(options.units, source.unit);
-    let mut result = result(&chosen, reasons, &laid_out, &task)?;
+    let mut result = result(&chosen, reasons, &laid_out, &asked)?;
     (result.normals, result.trimmed) = (normals, holes.as_ref().map(Vec::len));
     result.seconds = start.elapsed().as_secs_f64();
     let report = Report {
         schema: 1,
         history: history(iterations, moves, quasi),
         result,
-        input: source.report(&laid_out, task.diagonal),
+        input: source.report(&laid_out, asked.diagonal),
         parameterization: laid_out.report,
         options: FitOptions { units: Some(unit), ..options.clone() },
         warnings,
@@ -163,7 +163,7 @@ impl Source {
 }
 
 /// What is asked for, as it follows from the options and the points.
-struct Task {
+struct Asked {
     /// The options with the directions that close and a level 0 that has no more functions than there are points.
     options: FitOptions,
     diagonal: f64,
@@ -173,7 +173,7 @@ struct Task {
     warnings: Vec<String>,
 }
 
-impl Task {
+impl Asked {
     fn of(options: &FitOptions, laid_out: &Parameterized) -> Result<Self, Error> {
         let points = &laid_out.points;
         let mut options = options.with_closed(laid_out.closed);
@@ -209,8 +209,8 @@ impl Task {
 }
 
 /// Fits points that are laid out; once more from cells of the shape of the part where that fails on a long strip.
-fn fit_laid_out(laid_out: &Parameterized, task: &Task, watch: &mut Watch<'_>) -> Result<Chosen, Error> {
-    let options = &task.options;
+fn fit_laid_out(laid_out: &Parameterized, asked: &Asked, watch: &mut Watch<'_>) -> Result<Chosen, Error> {
+    let options = &asked.options;
     let space = level_zero(laid_out, options)?;
     if let Some(most) = options.max_dofs.filter(|&most| most < space.n_functions()) {
         return Err(Error::MaxDofs { most, dofs: space.n_functions() });
@@ -223,8 +223,8 @@ fn fit_laid_out(laid_out: &Parameterized, task: &Task, watch: &mut Watch<'_>) ->
         triangles: &laid_out.triangles,
         is_mesh: laid_out.is_mesh,
         is_given: laid_out.report.method == "given",
-        tolerance: task.tolerance,
-        diagonal: task.diagonal,
+        tolerance: asked.tolerance,
+        diagonal: asked.diagonal,
     };
     let found = prepare::fit(&problem, &space, options, watch)?;
     let failed = |chosen: &Chosen| chosen.attempt.judgement.verdict() == Verdict::Failed;
@@ -242,7 +242,12 @@ fn fit_laid_out(laid_out: &Parameterized, task: &Task, watch: &mut Watch<'_>) ->
 }
 
 /// The part of the report on what came out, without what is found out later: seconds, normals, holes cut out.
-fn result(chosen: &Chosen, reasons: Vec<Reason>, laid_out: &Parameterized, task: &Task) -> Result<ResultReport, Error> {
+fn result(
+    chosen: &Chosen,
+    reasons: Vec<Reason>,
+    laid_out: &Parameterized,
+    asked: &Asked,
+) -> Result<ResultReport, Error> {
     let Attempt { method, fitted, creases, judgement } = &chosen.attempt;
     let last = fitted.history[fitted.history.len() - 1];
     let (verdict, dhd) = (verdict(&reasons), farthest_point(fitted, &laid_out.points)?);
@@ -256,8 +261,8 @@ fn result(chosen: &Chosen, reasons: Vec<Reason>, laid_out: &Parameterized, task:
         mse: last.deviation.mse,
         rmse: last.deviation.rmse(),
         within: last.deviation.within,
-        tolerance: task.tolerance,
-        default_tolerance: task.measured,
+        tolerance: asked.tolerance,
+        default_tolerance: asked.measured,
         lambda: fitted.lambda,
         local_smoothing: fitted.local_smoothing.iter().copied().map(SmoothedMore::from).collect(),
         dhd,
@@ -268,7 +273,7 @@ fn result(chosen: &Chosen, reasons: Vec<Reason>, laid_out: &Parameterized, task:
         reached: verdict < Verdict::Failed,
         verdict,
         reasons,
-        thresholds: task.thresholds(),
+        thresholds: asked.thresholds(),
         deviation: judgement.deviation.clone(),
         reweighting: fitted.reweighting.clone(),
         normals: None,

@@ -7,6 +7,7 @@ use ndarray::{Array2, Array3, ArrayView2};
 use point_cloud::{CloudError, GridShape, check_finite};
 
 use crate::fit::{Fit, fit_scan};
+use crate::problem::rows_of;
 use crate::{Error, FitOptions};
 
 /// What reports call points that have no file.
@@ -22,9 +23,7 @@ impl Points {
     /// # Errors
     /// [`CloudError::WrongDimension`], [`CloudError::NonFinite`], [`CloudError::TooLarge`].
     pub fn new(points: Array2<f64>) -> Result<Self, Error> {
-        if points.ncols() != 3 {
-            return Err(CloudError::WrongDimension { given: points.ncols(), required: 3 }.into());
-        }
+        check_columns(points.view(), 3)?;
         check_finite(points.view())?;
         Ok(Self(Scan::in_memory(points)))
     }
@@ -51,33 +50,6 @@ impl Points {
         check_finite(scan.cloud.points.view())?;
         Ok(Self(scan))
     }
-
-    /// The parameters (u, v) of each point, shape `(m, 2)`: they are kept as they are.
-    ///
-    /// # Errors
-    /// [`Error::RowsDiffer`], [`CloudError::WrongDimension`], [`CloudError::NonFinite`], [`CloudError::TooLarge`].
-    pub fn with_parameters(mut self, parameters: Array2<f64>) -> Result<Self, Error> {
-        set_parameters(&mut self.0, parameters)?;
-        Ok(self)
-    }
-
-    /// The confidence in each point, 0 or more.
-    ///
-    /// # Errors
-    /// [`Error::RowsDiffer`], [`Error::Weight`].
-    pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self, Error> {
-        set_weights(&mut self.0, weights)?;
-        Ok(self)
-    }
-
-    /// The normal of the surface at each point, shape `(m, 3)`, of any length, NaN where there is none: they tell the outside.
-    ///
-    /// # Errors
-    /// [`Error::RowsDiffer`], [`CloudError::WrongDimension`].
-    pub fn with_normals(mut self, normals: ArrayView2<'_, f64>) -> Result<Self, Error> {
-        set_normals(&mut self.0, normals)?;
-        Ok(self)
-    }
 }
 
 /// A triangle mesh in memory, with what is known of its vertices.
@@ -103,46 +75,57 @@ impl Mesh {
         scan.triangles = Some(triangles);
         Ok(Self(scan))
     }
-
-    /// As [`Points::with_parameters`].
-    ///
-    /// # Errors
-    /// The same.
-    pub fn with_parameters(mut self, parameters: Array2<f64>) -> Result<Self, Error> {
-        set_parameters(&mut self.0, parameters)?;
-        Ok(self)
-    }
-
-    /// As [`Points::with_weights`].
-    ///
-    /// # Errors
-    /// The same.
-    pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self, Error> {
-        set_weights(&mut self.0, weights)?;
-        Ok(self)
-    }
-
-    /// As [`Points::with_normals`].
-    ///
-    /// # Errors
-    /// The same.
-    pub fn with_normals(mut self, normals: ArrayView2<'_, f64>) -> Result<Self, Error> {
-        set_normals(&mut self.0, normals)?;
-        Ok(self)
-    }
 }
 
-impl From<Points> for Scan {
-    fn from(points: Points) -> Self {
-        points.0
-    }
+/// What may be known of the points of [`Points`] and of [`Mesh`].
+macro_rules! with_more_known {
+    ($($type:ident),*) => {$(
+        impl $type {
+            /// The parameters (u, v) of each point, shape `(m, 2)`: they are kept as they are.
+            ///
+            /// # Errors
+            /// [`Error::RowsDiffer`], [`CloudError::WrongDimension`], [`CloudError::NonFinite`], [`CloudError::TooLarge`].
+            pub fn with_parameters(mut self, parameters: Array2<f64>) -> Result<Self, Error> {
+                check_shape(&self.0, parameters.view(), 2, "parameters")?;
+                check_finite(parameters.view())?;
+                self.0.cloud.parameters = Some(parameters);
+                Ok(self)
+            }
+
+            /// The confidence in each point, 0 or more.
+            ///
+            /// # Errors
+            /// [`Error::RowsDiffer`], [`Error::Weight`].
+            pub fn with_weights(mut self, weights: Vec<f64>) -> Result<Self, Error> {
+                check_rows(&self.0, weights.len(), "weights")?;
+                let bad = weights.iter().position(|weight| !(0.0..=f64::MAX).contains(weight));
+                if let Some(point) = bad {
+                    return Err(Error::Weight { point, value: weights[point] });
+                }
+                self.0.weights = Some(weights);
+                Ok(self)
+            }
+
+            /// The normal of the surface at each point, shape `(m, 3)`, of any length, NaN where there is none: they tell the outside.
+            ///
+            /// # Errors
+            /// [`Error::RowsDiffer`], [`CloudError::WrongDimension`].
+            pub fn with_normals(mut self, normals: ArrayView2<'_, f64>) -> Result<Self, Error> {
+                check_shape(&self.0, normals, 3, "normals")?;
+                self.0.normals = Some(rows_of(normals));
+                Ok(self)
+            }
+        }
+
+        impl From<$type> for Scan {
+            fn from(given: $type) -> Self {
+                given.0
+            }
+        }
+    )*};
 }
 
-impl From<Mesh> for Scan {
-    fn from(mesh: Mesh) -> Self {
-        mesh.0
-    }
-}
+with_more_known!(Points, Mesh);
 
 /// Fits [`Points`] or a [`Mesh`]: [`fit_scan`] without a name and without being told how it goes.
 ///
@@ -157,32 +140,17 @@ fn check_rows(scan: &Scan, given: usize, what: &'static str) -> Result<(), Error
     if given == points { Ok(()) } else { Err(Error::RowsDiffer { what, given, points }) }
 }
 
-fn set_parameters(scan: &mut Scan, parameters: Array2<f64>) -> Result<(), Error> {
-    check_rows(scan, parameters.nrows(), "parameters")?;
-    if parameters.ncols() != 2 {
-        return Err(CloudError::WrongDimension { given: parameters.ncols(), required: 2 }.into());
-    }
-    check_finite(parameters.view())?;
-    scan.cloud.parameters = Some(parameters);
-    Ok(())
+/// Whether there is a row for each point, of so many columns.
+fn check_shape(scan: &Scan, given: ArrayView2<'_, f64>, required: usize, what: &'static str) -> Result<(), Error> {
+    check_rows(scan, given.nrows(), what)?;
+    check_columns(given, required)
 }
 
-fn set_weights(scan: &mut Scan, weights: Vec<f64>) -> Result<(), Error> {
-    check_rows(scan, weights.len(), "weights")?;
-    if let Some((point, &value)) = weights.iter().enumerate().find(|(_, weight)| !(0.0..=f64::MAX).contains(*weight)) {
-        return Err(Error::Weight { point, value });
+fn check_columns(given: ArrayView2<'_, f64>, required: usize) -> Result<(), Error> {
+    if given.ncols() == required {
+        return Ok(());
     }
-    scan.weights = Some(weights);
-    Ok(())
-}
-
-fn set_normals(scan: &mut Scan, normals: ArrayView2<'_, f64>) -> Result<(), Error> {
-    check_rows(scan, normals.nrows(), "normals")?;
-    if normals.ncols() != 3 {
-        return Err(CloudError::WrongDimension { given: normals.ncols(), required: 3 }.into());
-    }
-    scan.normals = Some(normals.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect());
-    Ok(())
+    Err(CloudError::WrongDimension { given: given.ncols(), required }.into())
 }
 
 #[cfg(test)]
@@ -226,8 +194,20 @@ mod tests {
             let found = fit(scan, &options()).unwrap();
             assert!(found.reached(), "{name}: {:?}", found.report.result.reasons);
             assert_eq!((found.report.input.file.as_str(), found.report.input.format), (NAME, NAME));
-            assert_eq!(found.reversed, name == "points" && found.reversed, "{name}");
+            assert!(!found.reversed || name == "points", "{name}");
         }
+    }
+
+    #[test]
+    fn normals_tell_the_outside() {
+        let (points, _) = cloud(12);
+        let reversed = [1.0, -1.0].map(|z| {
+            let normals = Array2::from_shape_fn(points.raw_dim(), |(_, k)| if k == 2 { z } else { 0.0 });
+            fit(Points::new(points.clone()).unwrap().with_normals(normals.view()).unwrap(), &options())
+                .unwrap()
+                .reversed
+        });
+        assert_ne!(reversed[0], reversed[1]);
     }
 
     #[test]

@@ -2,16 +2,14 @@
 
 use std::sync::Arc;
 
-use deviation::Scan;
-use ndarray::{Array1, Array2, ArrayView1, Axis};
-use param_classic::triangulate_parameters;
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use point_cloud::BoundingBox;
 use thb_core::{CellSpace as _, HierarchicalSpace, SplineMap};
 
 use crate::attempt::Attempt;
 use crate::auto::{self, Chosen};
 use crate::densify::{Denser, area_weights, area_weights_of_cloud, bridge, densify, spacing_weights};
-use crate::judge::{Judge, MOST_IN_ORDER};
+use crate::judge::Judge;
 use crate::methods::{Fitted, Task};
 use crate::options::{LambdaChoice, Samples};
 use crate::problem::{Problem, errors_at, rows_of, triangles_among};
@@ -80,7 +78,7 @@ fn fit_scan(
     } else if let Some(curved) = judge.scan().curved() {
         densify(curved, problem.parameters, space.periodic())
     } else {
-        bridged(problem, &judge, &places, space.periodic())?
+        bridged(&judge, problem.parameters, space.periodic())
     };
     // Points on the triangles of a mesh are the scan; those that bridge a stretch without points are guesses.
     let counted = if problem.is_mesh { usize::MAX } else { m };
@@ -125,25 +123,13 @@ fn fit_scan(
 }
 
 /// A cloud in order with points in the stretches that it leaves out; nothing if there are none, or its neighbours are not known.
-fn bridged(
-    problem: &Problem<'_>,
-    judge: &Judge<'_>,
-    places: &[[f64; 3]],
-    periodic: [bool; 2],
-) -> Result<Option<Denser>, Error> {
-    if !problem.triangles.is_empty() || places.len() > MOST_IN_ORDER {
-        return Ok(None);
-    }
-    let Ok(triangles) = triangulate_parameters(problem.parameters) else { return Ok(None) };
-    let mesh = Scan::mesh(places, &triangles)?;
-    let Some(mut denser) = mesh.curved().and_then(|curved| bridge(curved, problem.parameters, periodic)) else {
-        return Ok(None);
-    };
+fn bridged(judge: &Judge<'_>, parameters: ArrayView2<'_, f64>, periodic: [bool; 2]) -> Option<Denser> {
+    let mut denser = bridge(judge.scan().spanned()?, parameters, periodic)?;
     // The others weigh what they did.
     if let Some(weights) = judge.scan().weights() {
         denser.weights.iter_mut().zip(spacing_weights(weights)).for_each(|(weight, spacing)| *weight = spacing);
     }
-    Ok(Some(denser))
+    Some(denser)
 }
 
 /// Weights, multiplied by those that points have already.

@@ -12,10 +12,6 @@ use crate::attempt::Attempt;
 use crate::options::{BoundaryChoice, Pair};
 use crate::parameters::Parameterized;
 
-/// Distance between surface and points, as a share of the diagonal, from which on the user is warned. Gaps between
-/// the points of a scan are smaller.
-const FAR: f64 = 0.07;
-
 /// Control points as a share of the points from which on the user is warned: then there are hardly more equations than
 /// unknowns, in a fit with moving parameters fewer.
 const CROWDED: f64 = 0.7;
@@ -129,7 +125,7 @@ pub(crate) fn of_surface(
     warn(count > 0, Warning::Postponed { count, iterations: fitted.moves.len() });
     warn(control_points as f64 > CROWDED * points as f64, Warning::Crowded { control_points, points });
     let (farthest, share) = (deviation.farthest, deviation.farthest / diagonal);
-    if share > FAR {
+    if share > options.policy.far {
         warn(true, Warning::FarFromPoints { farthest, share, tube: is_tube_like(laid_out) });
     }
     let at_rim = share_at_rim(fitted.map.space());

@@ -1,6 +1,6 @@
 //! Least squares with fixed parameters.
 
-use adaptive::{Observer, Outcome, run};
+use adaptive::{Observer, run};
 use fit_ls::LeastSquares;
 
 use super::task::{Fitted, Task, least_squares_options};
@@ -17,21 +17,13 @@ pub(super) fn fit(
     let fitting = least_squares_options(problem, options);
     let solver = LeastSquares::new(problem.parameters, problem.points, problem.weights, fitting)?;
     let mut judged = task.judged(solver, rules.within);
-    let Outcome { map, stop, failure, history, .. } = run(&mut judged, task.space.clone(), rules, observer)?;
+    let outcome = run(&mut judged, task.space.clone(), rules, observer)?;
     let mut solver = judged.method;
-    let sorted = solver.distances(&map)?.to_vec();
+    let sorted = solver.distances(&outcome.map)?.to_vec();
+    let errors = solver.points().as_given(&sorted).into();
     Ok(Fitted {
-        errors: solver.points().as_given(&sorted).into(),
         lambda: solver.lambda().unwrap_or(0.0),
         local_smoothing: solver.local_smoothing().to_vec(),
-        parameters: problem.parameters.to_owned(),
-        failure: failure.map(|error| error.to_string()),
-        moves: Vec::new(),
-        quasi: Vec::new(),
-        reweighting: None,
-        counted: None,
-        map,
-        stop,
-        history,
+        ..Fitted::of(outcome, problem.parameters.to_owned(), errors)
     })
 }

@@ -1,6 +1,6 @@
 //! Methods that move parameters.
 
-use adaptive::{Observer, Outcome, run};
+use adaptive::{Observer, run};
 use fit_ls::Weighted;
 use moving_param::{Blend, Distance, JointOptions, MovingFit, Schedule};
 use ndarray::ArrayView2;
@@ -46,22 +46,15 @@ pub(super) fn fit(
 ) -> Result<Fitted, Error> {
     let problem = task.problem;
     let mut judged = task.judged(solver(method, problem, options)?, rules.within);
-    let Outcome { map, stop, failure, history, .. } = run(&mut judged, task.space.clone(), rules, observer)?;
+    let outcome = run(&mut judged, task.space.clone(), rules, observer)?;
     let solver = judged.method;
     let parameters = solver.parameters();
+    let errors = errors_at(&outcome.map, &parameters, problem.points)?;
     Ok(Fitted {
-        errors: errors_at(&map, &parameters, problem.points)?,
         lambda: solver.lambda().unwrap_or(0.0),
         local_smoothing: solver.least_squares().local_smoothing().to_vec(),
         moves: solver.reports().to_vec(),
-        quasi: Vec::new(),
-        reweighting: None,
-        counted: None,
-        failure: failure.map(|error| error.to_string()),
-        parameters,
-        map,
-        stop,
-        history,
+        ..Fitted::of(outcome, parameters, errors)
     })
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use adaptive::{Observer, Outcome, run};
+use adaptive::{Observer, run};
 use fit_qi::{LocalLambda, QuasiInterpolation};
 use moving_param::MovingQuasi;
 use thb_core::HierarchicalSpace;
@@ -30,22 +30,15 @@ pub(crate) fn fit(
         ..moving_param::QuasiOptions::default()
     };
     let mut solver = MovingQuasi::new(problem.parameters, problem.points, problem.weights, local, moving)?;
-    let Outcome { map, stop, failure, history, .. } = run(&mut solver, space.clone(), rules, observer)?;
+    let outcome = run(&mut solver, space.clone(), rules, observer)?;
     let parameters = solver.parameters();
+    let errors = errors_at(&outcome.map, &parameters, problem.points)?;
     let quasi: &QuasiInterpolation<2> = solver.quasi_interpolation();
     let reports = solver.reports().to_vec();
     Ok(Fitted {
-        errors: errors_at(&map, &parameters, problem.points)?,
         lambda: quasi.lambda().and_then(LocalLambda::number).unwrap_or(0.0),
-        local_smoothing: Vec::new(),
         quasi: solver.work().into_iter().map(QuasiReport::of).collect(),
         moves: if method == Method::AQi { reports } else { Vec::new() },
-        reweighting: None,
-        counted: None,
-        failure: failure.map(|error| error.to_string()),
-        parameters,
-        map,
-        stop,
-        history,
+        ..Fitted::of(outcome, parameters, errors)
     })
 }

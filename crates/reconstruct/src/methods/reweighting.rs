@@ -9,7 +9,7 @@ use fit_ls::{
     detect_markers,
 };
 use moving_param::MovingFit;
-use ndarray::{Array1, ArrayView2, Axis};
+use ndarray::{ArrayView2, Axis};
 use point_cloud::{BoundingBox, LocalFrames};
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
 
@@ -228,19 +228,13 @@ where
         markers_to_ignore: report.ignored[0],
         markers_ignored: report.ignored[1],
     };
+    let outcome = Outcome { map, stop, failure, history };
     let fitted = Fitted {
-        errors: Array1::from(errors),
         lambda: lambda.unwrap_or(0.0),
         local_smoothing: solver.least_squares().local_smoothing().to_vec(),
-        parameters: problem.parameters.to_owned(),
-        failure: failure.map(|error| error.to_string()),
-        moves: Vec::new(),
-        quasi: Vec::new(),
         reweighting: Some(found),
         counted: Some(counted),
-        map,
-        stop,
-        history,
+        ..Fitted::of(outcome, problem.parameters.to_owned(), errors.into())
     };
     Ok((fitted, solver.into_method()))
 }

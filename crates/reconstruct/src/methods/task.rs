@@ -1,8 +1,9 @@
 //! What methods are given and what they leave.
 
+use std::fmt::Display;
 use std::sync::Arc;
 
-use adaptive::{Iteration, Stop};
+use adaptive::{Iteration, Outcome, Stop};
 use fit_ls::LocalSmoothing;
 use moving_param::Moves;
 use ndarray::{Array1, Array2};
@@ -60,6 +61,25 @@ pub(crate) struct Fitted {
 }
 
 impl Fitted {
+    /// What a loop left at some parameters, where there is nothing more to tell.
+    pub(super) fn of<E: Display>(outcome: Outcome<2, E>, parameters: Array2<f64>, errors: Array1<f64>) -> Self {
+        let Outcome { map, stop, failure, history } = outcome;
+        Self {
+            map,
+            stop,
+            failure: failure.map(|error| error.to_string()),
+            history,
+            moves: Vec::new(),
+            quasi: Vec::new(),
+            reweighting: None,
+            counted: None,
+            parameters,
+            errors,
+            lambda: 0.0,
+            local_smoothing: Vec::new(),
+        }
+    }
+
     /// The places of the points that count; `None` if all do.
     pub(crate) fn kept(&self) -> Option<Vec<usize>> {
         self.counted.as_ref().map(|counted| (0..counted.len()).filter(|&i| counted[i]).collect())

@@ -48,8 +48,8 @@ thresholds! {
     /// Control points, as a share of the points, that a candidate may have if nothing has reached the tolerance: with as many as points a
     /// surface follows any noise.
     most_per_point = 0.9, "cargo xtask corpus --data DIR --vary most_per_point=0.7,0.9,1";
-    /// Largest distance between surface and scan, in diagonals, that is no defect whatever the other candidates have: gaps between the
-    /// points of a scan are smaller.
+    /// Largest distance between surface and scan, in diagonals, that is no defect whatever the other candidates have, and that no warning
+    /// tells: gaps between the points of a scan are smaller.
     far = 0.07, "cargo xtask corpus --data DIR --vary far=0.035,0.07,0.14";
     /// How much further from the scan than a surface with fixed parameters a candidate may lie, as a factor.
     further = 1.1, "cargo xtask corpus --data DIR --vary further=1.05,1.1,1.2";
