@@ -23,7 +23,7 @@
 use std::sync::Arc;
 
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
-use thb_core::{CellSpace, KnotVector, SplineMap};
+use thb_core::{ParameterBox, KnotVector, SplineMap};
 
 use crate::Error;
 
@@ -54,7 +54,7 @@ pub struct Interpolants<const D: usize, S> {
     interpolants: Vec<Interpolant>,
 }
 
-impl<const D: usize, S: CellSpace<D>> Interpolants<D, S> {
+impl<const D: usize, S: ParameterBox<D>> Interpolants<D, S> {
     /// The interpolants that exist, in lexicographic order of their points.
     pub fn interpolants(&self) -> &[Interpolant] {
         &self.interpolants
@@ -98,7 +98,7 @@ impl<const D: usize, S: CellSpace<D>> Interpolants<D, S> {
 /// # Errors
 /// [`Error::Shape`], [`Error::Weight`], [`Error::Space`]; [`Error::TooManySubsets`]; [`Error::NoInterpolant`] where no subset
 /// has an interpolant, that is, where the points do not determine the fit.
-pub fn wls_as_interpolants<const D: usize, S: CellSpace<D>>(
+pub fn wls_as_interpolants<const D: usize, S: ParameterBox<D>>(
     space: &Arc<S>,
     parameters: ArrayView2<'_, f64>,
     points: ArrayView2<'_, f64>,
@@ -113,7 +113,7 @@ pub fn wls_as_interpolants<const D: usize, S: CellSpace<D>>(
 ///
 /// # Errors
 /// As [`wls_as_interpolants`]; [`Error::NoInterpolant`] also where the points of infinite weight cannot all be interpolated.
-pub fn wls_limit<const D: usize, S: CellSpace<D>>(
+pub fn wls_limit<const D: usize, S: ParameterBox<D>>(
     space: &Arc<S>,
     parameters: ArrayView2<'_, f64>,
     points: ArrayView2<'_, f64>,
@@ -171,7 +171,7 @@ pub fn wls_limit<const D: usize, S: CellSpace<D>>(
 ///
 /// # Errors
 /// [`Error::Space`] for parameters outside the domain.
-pub fn collocation_matrix<const D: usize, S: CellSpace<D>>(
+pub fn collocation_matrix<const D: usize, S: ParameterBox<D>>(
     space: &Arc<S>,
     parameters: ArrayView2<'_, f64>,
 ) -> Result<Array2<f64>, Error> {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ndarray::{ArrayView1, ArrayView2};
-use thb_core::{CellSpace, SplineMap, SymmetricMatrix, SymmetricPattern};
+use thb_core::{ParameterBox, SplineMap, SymmetricMatrix, SymmetricPattern};
 
 use crate::cholesky::Cholesky;
 use crate::least_squares::penalized;
@@ -30,7 +30,7 @@ use crate::{Error, NormalEquations, SortedPoints};
 ///
 /// # Errors
 /// Those of [`SortedPoints::new`]; [`Error::Parameter`], [`Error::RankDeficient`], [`Error::OutOfMemory`].
-pub fn weighted_least_squares<const D: usize, S: CellSpace<D>>(
+pub fn weighted_least_squares<const D: usize, S: ParameterBox<D>>(
     space: &Arc<S>,
     parameters: ArrayView2<'_, f64>,
     points: ArrayView2<'_, f64>,

@@ -2,7 +2,7 @@
 
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use rayon::prelude::*;
-use thb_core::{CellSpace, HierarchicalSpace};
+use thb_core::{ParameterBox, HierarchicalSpace};
 
 use crate::Error;
 
@@ -117,7 +117,7 @@ impl<const D: usize> SortedPoints<D> {
 
     /// The child of its cell, in the space that the points are sorted for, that holds each point: bit d is set in the upper
     /// half of direction d, as in [`thb_core::Mark`].
-    pub fn children(&self, space: &impl CellSpace<D>) -> Vec<u8> {
+    pub fn children(&self, space: &impl ParameterBox<D>) -> Vec<u8> {
         let mut children = Vec::with_capacity(self.len());
         for (number, ends) in self.offsets.windows(2).enumerate() {
             let cell = space.cell(number);
@@ -244,7 +244,7 @@ impl<const D: usize> SortedPoints<D> {
     ///
     /// # Errors
     /// [`Error::Parameter`].
-    pub fn sort<S: CellSpace<D>>(
+    pub fn sort<S: ParameterBox<D>>(
         &mut self,
         space: &S,
         known: impl Fn(usize) -> Option<usize> + Sync,

@@ -6,7 +6,7 @@ use fit_ls::{BlockEquations, SortedPoints};
 use ndarray::Array2;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
-use thb_core::{CellSpace, SmallCholesky, SymmetricMatrix, SymmetricPattern};
+use thb_core::{ParameterBox, SmallCholesky, SymmetricMatrix, SymmetricPattern};
 
 use crate::Error;
 use crate::points::constraint::Constraints;
@@ -33,19 +33,19 @@ impl<const D: usize> Spring<D> {
     pub const NONE: Self = Self { at: [0.0; D], stiffness: [0.0; D] };
 
     /// `k (u − a)`, the gradient.
-    pub fn pull(&self, space: &impl CellSpace<D>, u: [f64; D]) -> [f64; D] {
+    pub fn pull(&self, space: &impl ParameterBox<D>, u: [f64; D]) -> [f64; D] {
         let way = space.way(self.at, u);
         std::array::from_fn(|d| self.stiffness[d] * way[d])
     }
 
     /// `(u − a)ᵀ diag(k) (u − a)`.
-    pub fn squared(&self, space: &impl CellSpace<D>, u: [f64; D]) -> f64 {
+    pub fn squared(&self, space: &impl ParameterBox<D>, u: [f64; D]) -> f64 {
         let way = space.way(self.at, u);
         (0..D).map(|d| self.stiffness[d] * way[d] * way[d]).sum()
     }
 
     /// The spring that does what two do, but for a constant.
-    fn with(&self, other: &Self, space: &impl CellSpace<D>) -> Self {
+    fn with(&self, other: &Self, space: &impl ParameterBox<D>) -> Self {
         let stiffness: [f64; D] = std::array::from_fn(|d| self.stiffness[d] + other.stiffness[d]);
         if self.stiffness == [0.0; D] {
             return *other;
@@ -76,7 +76,7 @@ impl<const D: usize> PointBlock<D> {
         Self { weight: 0.0, residual: [0.0; 4], tangents: [[0.0; 4]; D], spring: Spring::NONE, pull: [0.0; D] };
 
     /// Hangs the parameter, which is `u`, on a further spring. Like distances it counts ω times.
-    pub fn add_spring(&mut self, spring: &Spring<D>, space: &impl CellSpace<D>, u: [f64; D]) {
+    pub fn add_spring(&mut self, spring: &Spring<D>, space: &impl ParameterBox<D>, u: [f64; D]) {
         self.spring = self.spring.with(spring, space);
         self.pull = self.spring.pull(space, u);
     }
@@ -318,7 +318,7 @@ impl<const D: usize> Equations<D> {
     /// The equations of the coefficients, without those of single cells, once the parameters are eliminated:
     /// `½ μ ω δuᵀ diag(TᵀT) δu` is added for each point. A share γ of the weight of each point, `point_share`, counts as if its
     /// parameter could not move; none where the array is empty.
-    pub(crate) fn reduced<S: CellSpace<D>>(
+    pub(crate) fn reduced<S: ParameterBox<D>>(
         &self,
         space: &S,
         points: &SortedPoints<D>,

@@ -2,7 +2,7 @@
 
 use fit_ls::SortedPoints;
 use rayon::prelude::*;
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
+use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
 
 use crate::Error;
 use crate::points::frame::{Frame, frames_into};
@@ -35,7 +35,7 @@ impl<const D: usize, S> Clone for State<'_, D, S> {
 
 impl<const D: usize, S> Copy for State<'_, D, S> {}
 
-impl<const D: usize, S: CellSpace<D>> State<'_, D, S> {
+impl<const D: usize, S: ParameterBox<D>> State<'_, D, S> {
     /// Whether a point counts, by its place: those of weight 0 hold nothing.
     pub fn counts(&self, at: usize) -> bool {
         self.points.weights().is_none_or(|weights| weights[at] > 0.0)
@@ -74,7 +74,7 @@ pub(crate) struct Snapshot<const D: usize> {
 
 impl<const D: usize> Snapshot<D> {
     /// Those of a map at the parameters of points that are sorted by its cells; weights by the index of the point.
-    pub(crate) fn new<S: CellSpace<D>>(
+    pub(crate) fn new<S: ParameterBox<D>>(
         map: &SplineMap<D, S>,
         points: &SortedPoints<D>,
         weight: impl Fn(usize) -> f64,
@@ -85,7 +85,7 @@ impl<const D: usize> Snapshot<D> {
     }
 
     /// The same, in the arrays of another state.
-    pub(crate) fn take<S: CellSpace<D>>(
+    pub(crate) fn take<S: ParameterBox<D>>(
         &mut self,
         map: &SplineMap<D, S>,
         points: &SortedPoints<D>,

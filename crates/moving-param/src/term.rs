@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
+use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
 
 use crate::Error;
 use crate::equations::{Equations, Linearization};
@@ -16,7 +16,7 @@ use crate::state::{State, StepStart};
 /// of the coefficients. One that couples the parameters of several points holds the others constant during the step, and says so.
 ///
 /// [`MovingFit::with_term`](crate::MovingFit::with_term) adds a term of one's own to the joint method.
-pub trait Term<const D: usize, S: CellSpace<D> = HierarchicalSpace<D>>: Debug + Send + Sync {
+pub trait Term<const D: usize, S: ParameterBox<D> = HierarchicalSpace<D>>: Debug + Send + Sync {
     /// Its name in reports.
     fn name(&self) -> &'static str;
 
@@ -58,11 +58,11 @@ pub trait Term<const D: usize, S: CellSpace<D> = HierarchicalSpace<D>>: Debug + 
 
 /// The sum of some terms.
 #[derive(Debug)]
-pub(crate) struct Objective<'a, const D: usize, S: CellSpace<D>> {
+pub(crate) struct Objective<'a, const D: usize, S: ParameterBox<D>> {
     terms: Vec<&'a mut dyn Term<D, S>>,
 }
 
-impl<'a, const D: usize, S: CellSpace<D>> Objective<'a, D, S> {
+impl<'a, const D: usize, S: ParameterBox<D>> Objective<'a, D, S> {
     /// A sum, in this order.
     pub(crate) fn new(terms: Vec<&'a mut dyn Term<D, S>>) -> Self {
         Self { terms }

@@ -1,7 +1,7 @@
 //! Hierarchical box splines on the three-directional mesh.
 
 use crate::bernstein::binomial;
-use crate::{Cell, CellSpace, Error, Extraction, HierarchicalMesh, NodeId};
+use crate::{Cell, CellSpace, Error, Extraction, HierarchicalMesh, NodeId, ParameterBox};
 
 /// Degree of the box spline.
 const DEGREE: usize = 4;
@@ -127,31 +127,17 @@ impl BoxSplineSpace {
     }
 }
 
-impl CellSpace<2> for BoxSplineSpace {
-    fn n_functions(&self) -> usize {
-        self.n_functions
-    }
-
-    fn degree(&self) -> [usize; 2] {
-        [DEGREE; 2]
-    }
-
-    fn domain(&self) -> ([f64; 2], [f64; 2]) {
+impl BoxSplineSpace {
+    /// Lower and upper corner of the domain.
+    pub fn domain(&self) -> ([f64; 2], [f64; 2]) {
         (self.lower, self.upper)
     }
 
-    fn n_cells(&self) -> usize {
-        self.triangles.len()
-    }
-
-    fn cell(&self, cell: usize) -> Cell<'_, 2> {
-        let (lower, upper) = self.square(cell / 2);
-        let Triangle { functions, extraction } = &self.triangles[cell];
-        let extraction = Extraction::Matrix(extraction);
-        Cell { lower, upper, functions, extraction, bezier: [&self.identity; 2], degree: [DEGREE; 2] }
-    }
-
-    fn locate_cell(&self, u: [f64; 2]) -> Result<usize, Error> {
+    /// The cell that holds a parameter; cells are half-open, the last one in each direction closed.
+    ///
+    /// # Errors
+    /// [`Error::OutsideDomain`], also for NaN.
+    pub fn locate_cell(&self, u: [f64; 2]) -> Result<usize, Error> {
         let finest = self.mesh.n_levels() - 1;
         let grid = self.mesh.grid(finest);
         let mut index = [0; 2];
@@ -166,6 +152,37 @@ impl CellSpace<2> for BoxSplineSpace {
         let (lower, upper) = self.square(leaf);
         let [x, y] = [0, 1].map(|d| (u[d] - lower[d]) / (upper[d] - lower[d]));
         Ok(2 * leaf + usize::from(y > x))
+    }
+}
+
+impl CellSpace<2> for BoxSplineSpace {
+    fn n_functions(&self) -> usize {
+        self.n_functions
+    }
+
+    fn degree(&self) -> [usize; 2] {
+        [DEGREE; 2]
+    }
+
+    fn n_cells(&self) -> usize {
+        self.triangles.len()
+    }
+
+    fn cell(&self, cell: usize) -> Cell<'_, 2> {
+        let (lower, upper) = self.square(cell / 2);
+        let Triangle { functions, extraction } = &self.triangles[cell];
+        let extraction = Extraction::Matrix(extraction);
+        Cell { lower, upper, functions, extraction, bezier: [&self.identity; 2], degree: [DEGREE; 2] }
+    }
+}
+
+impl ParameterBox<2> for BoxSplineSpace {
+    fn domain(&self) -> ([f64; 2], [f64; 2]) {
+        self.domain()
+    }
+
+    fn locate_cell(&self, u: [f64; 2]) -> Result<usize, Error> {
+        self.locate_cell(u)
     }
 }
 

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::TopologyError;
+
 /// Errors of this crate.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
@@ -159,5 +161,16 @@ pub enum Error {
     NotNested {
         /// What differs.
         reason: &'static str,
+    },
+    /// Patches cannot be glued.
+    #[error(transparent)]
+    Topology(#[from] TopologyError),
+    /// A place names a patch that does not exist.
+    #[error("patch {patch} does not exist: there are {patches}")]
+    NoSuchPatch {
+        /// The patch.
+        patch: usize,
+        /// Number of patches.
+        patches: usize,
     },
 }

@@ -6,7 +6,7 @@ use rustc_hash::FxHashMap;
 
 use crate::level::Level;
 use crate::tensor::{ravel, spans_at, unravel};
-use crate::{Cell, CellSpace, Error, Extraction, HierarchicalMesh, KnotVector, MAX_LEVELS, NodeId};
+use crate::{Cell, CellSpace, Error, Extraction, HierarchicalMesh, KnotVector, MAX_LEVELS, NodeId, ParameterBox};
 
 /// Which basis spans the hierarchical space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -366,6 +366,30 @@ impl<const D: usize> HierarchicalSpace<D> {
     }
 }
 
+impl<const D: usize> HierarchicalSpace<D> {
+    /// Lower and upper corner of the domain.
+    pub fn domain(&self) -> ([f64; D], [f64; D]) {
+        let ends: [(f64, f64); D] = std::array::from_fn(|d| self.levels[0][d].knots.domain());
+        (ends.map(|e| e.0), ends.map(|e| e.1))
+    }
+
+    /// The directions in which functions go on across the ends of the domain.
+    pub fn periodic(&self) -> [bool; D] {
+        std::array::from_fn(|d| self.levels[0][d].knots.is_periodic())
+    }
+
+    /// The cell that holds a parameter; cells are half-open, the last one in each direction closed.
+    ///
+    /// # Errors
+    /// [`Error::OutsideDomain`], also for NaN.
+    pub fn locate_cell(&self, u: [f64; D]) -> Result<usize, Error> {
+        let finest = self.n_levels() - 1;
+        let spans = spans_at(std::array::from_fn(|d| &self.levels[finest][d].knots), u)?;
+        let leaf = self.mesh.covering(finest, spans.map(|s| s as u32));
+        Ok(self.cell_of_node[leaf.index()] as usize)
+    }
+}
+
 impl<const D: usize> CellSpace<D> for HierarchicalSpace<D> {
     fn n_functions(&self) -> usize {
         self.active.iter().map(Vec::len).sum()
@@ -373,15 +397,6 @@ impl<const D: usize> CellSpace<D> for HierarchicalSpace<D> {
 
     fn degree(&self) -> [usize; D] {
         std::array::from_fn(|d| self.levels[0][d].knots.degree())
-    }
-
-    fn domain(&self) -> ([f64; D], [f64; D]) {
-        let ends: [(f64, f64); D] = std::array::from_fn(|d| self.levels[0][d].knots.domain());
-        (ends.map(|e| e.0), ends.map(|e| e.1))
-    }
-
-    fn periodic(&self) -> [bool; D] {
-        std::array::from_fn(|d| self.levels[0][d].knots.is_periodic())
     }
 
     fn n_cells(&self) -> usize {
@@ -404,12 +419,19 @@ impl<const D: usize> CellSpace<D> for HierarchicalSpace<D> {
             degree: self.degree(),
         }
     }
+}
+
+impl<const D: usize> ParameterBox<D> for HierarchicalSpace<D> {
+    fn domain(&self) -> ([f64; D], [f64; D]) {
+        self.domain()
+    }
+
+    fn periodic(&self) -> [bool; D] {
+        self.periodic()
+    }
 
     fn locate_cell(&self, u: [f64; D]) -> Result<usize, Error> {
-        let finest = self.n_levels() - 1;
-        let spans = spans_at(std::array::from_fn(|d| &self.levels[finest][d].knots), u)?;
-        let leaf = self.mesh.covering(finest, spans.map(|s| s as u32));
-        Ok(self.cell_of_node[leaf.index()] as usize)
+        self.locate_cell(u)
     }
 }
 

@@ -36,6 +36,7 @@ mod knots;
 mod level;
 mod map;
 mod mesh;
+mod multi_patch;
 mod patch;
 mod refine;
 mod small_cholesky;
@@ -52,9 +53,12 @@ pub use hierarchical::{HierarchicalSpace, Kind};
 pub use knots::KnotVector;
 pub use map::{BezierMap, Jet, SplineMap};
 pub use mesh::{HierarchicalMesh, NodeId};
+pub use multi_patch::{
+    ArcUse, Crossing, MultiPatchSpace, PatchPlace, PatchSide, PatchTopology, TopologyError, side_point,
+};
 pub use refine::{Mark, Refinement};
 pub use small_cholesky::SmallCholesky;
-pub use space::{Cell, CellSpace, Extraction};
+pub use space::{Cell, CellSpace, Extraction, ParameterBox};
 pub use sparse::{SymmetricMatrix, SymmetricPattern};
 pub use tensor::{TensorSpace, unravel};
 pub use transfer::transfer;

@@ -6,7 +6,7 @@ use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
 use crate::bernstein::{self, BLOCK};
-use crate::{Cell, CellSpace, Error, HierarchicalSpace, MAX_DEGREE};
+use crate::{Cell, CellSpace, Error, HierarchicalSpace, MAX_DEGREE, ParameterBox};
 
 /// A map from a box in R^D to R^N: coefficients `(n_functions, N)` in a space.
 #[derive(Clone, Debug)]
@@ -56,7 +56,9 @@ impl<const D: usize, S: CellSpace<D>> SplineMap<D, S> {
     pub fn bezier(&self) -> &Arc<BezierMap<D>> {
         self.bezier.get_or_init(|| Arc::new(BezierMap::new(self.space.as_ref(), self.coefficients.view())))
     }
+}
 
+impl<const D: usize, S: ParameterBox<D>> SplineMap<D, S> {
     /// The point at a parameter.
     ///
     /// # Errors

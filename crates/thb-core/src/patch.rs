@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ndarray::Array2;
 
 use crate::tensor::unravel;
-use crate::{BezierMap, CellSpace, Error, HierarchicalSpace, KnotVector, MAX_DEGREE, SplineMap, TensorSpace};
+use crate::{BezierMap, Error, HierarchicalSpace, KnotVector, MAX_DEGREE, SplineMap, TensorSpace};
 
 impl<const D: usize> HierarchicalSpace<D> {
     /// Knots of the smallest tensor-product space that holds every function of this space on a box: the cell boundaries

@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::knots::wrapped;
+use crate::tensor::unravel;
 
 /// How the functions of a cell combine its tensor-product B-splines.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,15 +30,26 @@ pub struct Cell<'a, const D: usize> {
     pub degree: [usize; D],
 }
 
-/// A finite-dimensional space of functions on a box, made of cells.
+/// A finite-dimensional space of functions, made of cells.
 ///
-/// Implemented by tensor-product polynomials and B-splines ([`crate::TensorSpace`]) and by HB- and THB-splines
-/// ([`crate::HierarchicalSpace`]).
+/// Implemented by tensor-product polynomials and B-splines ([`crate::TensorSpace`]), by HB- and THB-splines
+/// ([`crate::HierarchicalSpace`]), and by patches that are glued together ([`crate::MultiPatchSpace`]). Whatever works cell by cell is
+/// written against this trait; what looks for the cell of a parameter asks for a [`ParameterBox`].
 pub trait CellSpace<const D: usize>: Send + Sync {
     /// Number of basis functions.
     fn n_functions(&self) -> usize;
     /// Degree per direction.
     fn degree(&self) -> [usize; D];
+    /// Number of cells.
+    fn n_cells(&self) -> usize;
+    /// A cell by its number.
+    fn cell(&self, cell: usize) -> Cell<'_, D>;
+}
+
+/// A space whose cells fill one box of parameters, so that a parameter alone names a place.
+///
+/// Glued patches are none: a parameter of theirs is a patch and a place in it.
+pub trait ParameterBox<const D: usize>: CellSpace<D> {
     /// Lower and upper corner of the domain.
     fn domain(&self) -> ([f64; D], [f64; D]);
     /// The directions in which functions go on across the ends of the domain: both ends are one place, the seam.
@@ -64,10 +76,6 @@ pub trait CellSpace<const D: usize>: Send + Sync {
             }
         })
     }
-    /// Number of cells.
-    fn n_cells(&self) -> usize;
-    /// A cell by its number.
-    fn cell(&self, cell: usize) -> Cell<'_, D>;
     /// The cell that holds a parameter; cells are half-open, the last one in each direction closed.
     ///
     /// # Errors
@@ -125,6 +133,25 @@ impl<const D: usize> Cell<'_, D> {
                 }
             });
         }
+    }
+
+    /// The partial derivatives of the given order of the cell's functions at a parameter of the cell, to `out`, in the order of
+    /// [`Cell::functions`]. Order zero is the values.
+    pub fn derivatives(&self, u: [f64; D], order: [usize; D], out: &mut Vec<f64>, scratch: &mut Vec<f64>) {
+        let mut basis = [[0.0; crate::MAX_DEGREE + 1]; D];
+        let mut scale = 1.0;
+        for d in 0..D {
+            let size = self.upper[d] - self.lower[d];
+            crate::bernstein::derivatives(self.degree[d], order[d], (u[d] - self.lower[d]) / size, &mut basis[d]);
+            scale /= size.powi(order[d] as i32);
+        }
+        let counts = self.degree.map(|p| p + 1);
+        out.clear();
+        out.extend((0..self.n_local()).map(|k| {
+            let index = unravel(k, counts);
+            scale * (0..D).map(|d| basis[d][index[d]]).product::<f64>()
+        }));
+        self.pull_back(out, 1, scratch);
     }
 
     /// Turns a matrix in the Bernstein basis of the cell, `(n_local, columns)` row-major, into one whose rows belong to

@@ -15,20 +15,32 @@ pub struct SymmetricPattern {
 impl SymmetricPattern {
     /// The pattern of a space.
     pub fn new<const D: usize, S: CellSpace<D>>(space: &S) -> Self {
-        let n = space.n_functions();
-        // Cells of each function, then for each function the union of the larger functions of its cells.
+        Self::of_groups(space.n_functions(), space.n_cells(), |cell| space.cell(cell).functions)
+    }
+
+    /// The pattern of a space with further groups of functions that are coupled, each increasing and below the number of functions.
+    pub fn with_groups<const D: usize, S: CellSpace<D>>(space: &S, groups: &[Vec<u32>]) -> Self {
+        let n_cells = space.n_cells();
+        Self::of_groups(space.n_functions(), n_cells + groups.len(), |group| {
+            if group < n_cells { space.cell(group).functions } else { &groups[group - n_cells] }
+        })
+    }
+
+    /// Which pairs of `n` functions share one of several groups, each increasing.
+    fn of_groups<'a>(n: usize, count: usize, functions_of: impl Fn(usize) -> &'a [u32]) -> Self {
+        // Groups of each function, then for each function the union of the larger functions of its groups.
         let mut starts = vec![0_usize; n + 1];
-        for cell in 0..space.n_cells() {
-            space.cell(cell).functions.iter().for_each(|&f| starts[f as usize + 1] += 1);
+        for group in 0..count {
+            functions_of(group).iter().for_each(|&f| starts[f as usize + 1] += 1);
         }
         for i in 0..n {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut cells = vec![0_u32; starts[n]];
-        for cell in 0..space.n_cells() {
-            for &f in space.cell(cell).functions {
-                cells[next[f as usize]] = cell as u32;
+        let mut groups = vec![0_u32; starts[n]];
+        for group in 0..count {
+            for &f in functions_of(group) {
+                groups[next[f as usize]] = group as u32;
                 next[f as usize] += 1;
             }
         }
@@ -38,8 +50,8 @@ impl SymmetricPattern {
         columns.push(0);
         for column in 0..n {
             let start = rows.len();
-            for &cell in &cells[starts[column]..starts[column + 1]] {
-                let functions = space.cell(cell as usize).functions;
+            for &group in &groups[starts[column]..starts[column + 1]] {
+                let functions = functions_of(group as usize);
                 for &f in &functions[functions.partition_point(|&f| (f as usize) < column)..] {
                     if last_column[f as usize] != column {
                         last_column[f as usize] = column;

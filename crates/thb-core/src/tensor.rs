@@ -1,7 +1,7 @@
 //! Tensor-product spaces: B-splines on a grid, and polynomials in Bernstein form as their one-element case.
 
 use crate::level::Level;
-use crate::{Cell, CellSpace, Error, Extraction, KnotVector};
+use crate::{Cell, CellSpace, Error, Extraction, KnotVector, ParameterBox};
 
 /// Tensor-product B-splines of open knots; function and cell numbers run with the first direction fastest.
 #[derive(Clone, Debug)]
@@ -64,6 +64,22 @@ impl<const D: usize> TensorSpace<D> {
     }
 }
 
+impl<const D: usize> TensorSpace<D> {
+    /// Lower and upper corner of the domain.
+    pub fn domain(&self) -> ([f64; D], [f64; D]) {
+        let ends: [(f64, f64); D] = std::array::from_fn(|d| self.levels[d].knots.domain());
+        (ends.map(|e| e.0), ends.map(|e| e.1))
+    }
+
+    /// The cell that holds a parameter; cells are half-open, the last one in each direction closed.
+    ///
+    /// # Errors
+    /// [`Error::OutsideDomain`], also for NaN.
+    pub fn locate_cell(&self, u: [f64; D]) -> Result<usize, Error> {
+        Ok(ravel(spans_at(std::array::from_fn(|d| &self.levels[d].knots), u)?, self.spans()))
+    }
+}
+
 impl<const D: usize> CellSpace<D> for TensorSpace<D> {
     fn n_functions(&self) -> usize {
         self.levels.iter().map(|level| level.knots.n_functions()).product()
@@ -71,11 +87,6 @@ impl<const D: usize> CellSpace<D> for TensorSpace<D> {
 
     fn degree(&self) -> [usize; D] {
         std::array::from_fn(|d| self.levels[d].knots.degree())
-    }
-
-    fn domain(&self) -> ([f64; D], [f64; D]) {
-        let ends: [(f64, f64); D] = std::array::from_fn(|d| self.levels[d].knots.domain());
-        (ends.map(|e| e.0), ends.map(|e| e.1))
     }
 
     fn n_cells(&self) -> usize {
@@ -95,9 +106,15 @@ impl<const D: usize> CellSpace<D> for TensorSpace<D> {
             degree,
         }
     }
+}
+
+impl<const D: usize> ParameterBox<D> for TensorSpace<D> {
+    fn domain(&self) -> ([f64; D], [f64; D]) {
+        self.domain()
+    }
 
     fn locate_cell(&self, u: [f64; D]) -> Result<usize, Error> {
-        Ok(ravel(spans_at(std::array::from_fn(|d| &self.levels[d].knots), u)?, self.spans()))
+        self.locate_cell(u)
     }
 }
 

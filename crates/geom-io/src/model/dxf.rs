@@ -6,7 +6,7 @@
 use std::io::{self, Write};
 
 use ndarray::Array1;
-use thb_core::{CellSpace, SplineMap, TensorSpace};
+use thb_core::{SplineMap, TensorSpace};
 
 use super::{Geometry, LengthUnit, Model, ModelErrorKind};
 

@@ -86,6 +86,14 @@ pub enum ModelErrorKind {
         /// Ends of the domain.
         domain: [f64; 2],
     },
+    /// Two patches disagree on which side of them is outside.
+    #[error(
+        "the patches on both sides of arc {arc} (counted from 0) are oriented differently: no side of the surface is outside"
+    )]
+    Misoriented {
+        /// The arc.
+        arc: usize,
+    },
     /// A coefficient has another number of components than the first one.
     #[error("coefficient {row} (counted from 0) has {found} components, the first one has {expected}")]
     RaggedCoefficients {

@@ -19,7 +19,7 @@ use std::io::{self, Write};
 use ndarray::Array2;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use thb_core::{CellSpace, HierarchicalMesh, Kind, KnotVector, SplineMap};
+use thb_core::{HierarchicalMesh, Kind, KnotVector, SplineMap};
 
 use super::build::Parts;
 use super::{Geometry, LengthUnit, Model, ModelErrorKind};

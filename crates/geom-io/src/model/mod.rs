@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use thb_core::SplineMap;
 
 pub use error::{ModelError, ModelErrorKind};
-pub use step::{StepOptions, StepSurface};
+pub use step::{SolidFile, StepOptions, StepSurface, write_solid};
 pub use svg::{GRAPH, SvgOptions};
 
 use crate::read::read_bytes;

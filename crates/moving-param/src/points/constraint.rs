@@ -1,7 +1,7 @@
 //! Which directions of a parameter may move.
 
 use ndarray::ArrayView2;
-use thb_core::CellSpace;
+use thb_core::ParameterBox;
 
 /// What happens to points on the boundary of the parameter domain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +53,7 @@ impl<const D: usize> Constraints<D> {
     }
 
     /// The constraints of points at parameters `(m, D)` of the domain of a space, whose seams are no sides.
-    pub fn in_space(parameters: ArrayView2<'_, f64>, space: &impl CellSpace<D>, boundary: Boundary) -> Self {
+    pub fn in_space(parameters: ArrayView2<'_, f64>, space: &impl ParameterBox<D>, boundary: Boundary) -> Self {
         Self::new(parameters, space.domain(), boundary).released(space.periodic())
     }
 

@@ -4,7 +4,7 @@ use fit_ls::SortedPoints;
 use ndarray::Array2;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
-use thb_core::{BezierMap, CellSpace, ClosestPoints, HierarchicalSpace, SplineMap};
+use thb_core::{BezierMap, ParameterBox, ClosestPoints, HierarchicalSpace, SplineMap};
 
 use crate::Error;
 use crate::equations::{PointBlock, Spring};
@@ -227,7 +227,7 @@ impl<const D: usize> WithSimd for Chunk<'_, D> {
 }
 
 /// Checks that points and map fit together.
-pub(crate) fn check<const D: usize, S: CellSpace<D>>(
+pub(crate) fn check<const D: usize, S: ParameterBox<D>>(
     map: &SplineMap<D, S>,
     points: &SortedPoints<D>,
 ) -> Result<(), Error> {

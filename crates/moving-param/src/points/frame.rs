@@ -3,7 +3,7 @@
 use fit_ls::SortedPoints;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
-use thb_core::{BezierMap, CellSpace, SplineMap};
+use thb_core::{BezierMap, ParameterBox, SplineMap};
 
 use crate::Error;
 use crate::points::foot_point::check;
@@ -30,7 +30,7 @@ impl<const D: usize> Frame<D> {
 const CHUNK: usize = 512;
 
 /// The frames of sorted points, in their order.
-pub(crate) fn frames_at<const D: usize, S: CellSpace<D>>(
+pub(crate) fn frames_at<const D: usize, S: ParameterBox<D>>(
     map: &SplineMap<D, S>,
     points: &SortedPoints<D>,
 ) -> Result<Vec<Frame<D>>, Error> {
@@ -40,7 +40,7 @@ pub(crate) fn frames_at<const D: usize, S: CellSpace<D>>(
 }
 
 /// The same in a buffer that is used again.
-pub(crate) fn frames_into<const D: usize, S: CellSpace<D>>(
+pub(crate) fn frames_into<const D: usize, S: ParameterBox<D>>(
     map: &SplineMap<D, S>,
     points: &SortedPoints<D>,
     frames: &mut Vec<Frame<D>>,

@@ -2,7 +2,7 @@
 
 use fit_ls::SortedPoints;
 use ndarray::Array2;
-use thb_core::{CellSpace, HierarchicalSpace};
+use thb_core::{ParameterBox, HierarchicalSpace};
 
 use crate::Error;
 

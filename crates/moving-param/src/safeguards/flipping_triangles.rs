@@ -1,7 +1,7 @@
 //! Triangles of the parameters, and the barrier against folding them.
 
 use rayon::prelude::*;
-use thb_core::{CellSpace, SplineMap};
+use thb_core::{ParameterBox, SplineMap};
 
 use crate::Error;
 use crate::safeguards::{Admission, Parameters, Safeguard};
@@ -92,7 +92,7 @@ pub(crate) struct FlippingTriangles<'a> {
 
 impl<'a> FlippingTriangles<'a> {
     /// For steps from a state.
-    pub(crate) fn new<const D: usize, S: CellSpace<D>>(triangles: &'a Triangles, from: &State<'_, D, S>) -> Self {
+    pub(crate) fn new<const D: usize, S: ParameterBox<D>>(triangles: &'a Triangles, from: &State<'_, D, S>) -> Self {
         let before = by_index(from.places, from.parameters);
         let counts = |i: &u32| from.counts(from.places[*i as usize]);
         let held = |t: usize| triangles.corners[t].iter().all(counts) && !triangles.is_flipped(t, |i| before[i]);
@@ -102,7 +102,7 @@ impl<'a> FlippingTriangles<'a> {
 
     /// Shortens moves to new parameters, given by place; the places of the shortened ones, in the order in which they were met first. Such
     /// parameters may then lie a period away.
-    fn hold<const D: usize, S: CellSpace<D>>(&self, from: &State<'_, D, S>, moved: &mut [[f64; D]]) -> Vec<usize> {
+    fn hold<const D: usize, S: ParameterBox<D>>(&self, from: &State<'_, D, S>, moved: &mut [[f64; D]]) -> Vec<usize> {
         let Triangles { corners, periods, offsets, around, .. } = self.triangles;
         let mut parameters = by_index(from.places, moved);
         let numbers = (0..corners.len() as u32).into_par_iter().with_min_len(CHUNK);
@@ -154,7 +154,7 @@ fn by_index<const D: usize>(places: &[usize], parameters: &[[f64; D]]) -> Vec<[f
     places.par_iter().with_min_len(CHUNK).map(|&at| ends(parameters[at])).collect()
 }
 
-impl<const D: usize, S: CellSpace<D>> Safeguard<D, S> for FlippingTriangles<'_> {
+impl<const D: usize, S: ParameterBox<D>> Safeguard<D, S> for FlippingTriangles<'_> {
     fn name(&self) -> &'static str {
         "flipping triangles"
     }

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use ndarray::Array2;
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
+use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
 
 use crate::Error;
 use crate::state::State;
@@ -34,7 +34,7 @@ pub struct CoefficientStep<'a, const D: usize, S = HierarchicalSpace<D>> {
     pub map: SplineMap<D, S>,
 }
 
-impl<const D: usize, S: CellSpace<D>> CoefficientStep<'_, D, S> {
+impl<const D: usize, S: ParameterBox<D>> CoefficientStep<'_, D, S> {
     /// Sets the map after the step anew, where that was changed.
     pub(crate) fn update(&mut self) -> Result<(), Error> {
         self.map = SplineMap::new(self.from.space().clone(), &self.from.coefficients() + &self.step)?;
@@ -52,7 +52,7 @@ pub struct Parameters<const D: usize> {
 }
 
 /// Looks at a step before its objective is computed. Steps of the coefficients come first; parameters follow the map after them.
-pub trait Safeguard<const D: usize, S: CellSpace<D> = HierarchicalSpace<D>>: Debug {
+pub trait Safeguard<const D: usize, S: ParameterBox<D> = HierarchicalSpace<D>>: Debug {
     /// Its name in reports.
     fn name(&self) -> &'static str;
 
@@ -81,7 +81,7 @@ pub trait Safeguard<const D: usize, S: CellSpace<D> = HierarchicalSpace<D>>: Deb
 }
 
 /// Asks all safeguards, one after the other, about moves of the parameters.
-pub(crate) fn admit_all<const D: usize, S: CellSpace<D>>(
+pub(crate) fn admit_all<const D: usize, S: ParameterBox<D>>(
     safeguards: &[&dyn Safeguard<D, S>],
     from: &State<'_, D, S>,
     map: &SplineMap<D, S>,

@@ -1,6 +1,6 @@
 //! Cells of a surface that would turn over.
 
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
+use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
 
 use crate::Error;
 use crate::safeguards::{Admission, CoefficientStep, Safeguard};
@@ -18,7 +18,7 @@ pub(crate) struct TurnedCells<'a> {
     pub(crate) sheet: &'a Sheet,
 }
 
-impl<const D: usize, S: CellSpace<D>> Safeguard<D, S> for TurnedCells<'_> {
+impl<const D: usize, S: ParameterBox<D>> Safeguard<D, S> for TurnedCells<'_> {
     fn name(&self) -> &'static str {
         "turned cells"
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fit_ls::{BlockEquations, SortedPoints};
 use ndarray::{Array1, Array2};
 use thb_core::{
-    CellSpace, HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement, SplineMap, SymmetricMatrix,
+    ParameterBox, HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement, SplineMap, SymmetricMatrix,
     SymmetricPattern, TensorSpace, ThinPlate,
 };
 
@@ -56,7 +56,7 @@ pub(crate) struct Case<const D: usize, S> {
     pub(crate) triangles: Vec<[u32; 3]>,
 }
 
-impl<const D: usize, S: CellSpace<D>> Case<D, S> {
+impl<const D: usize, S: ParameterBox<D>> Case<D, S> {
     /// For maps to R^N, N = `dim`.
     pub(crate) fn new(name: String, space: Arc<S>, dim: usize) -> Self {
         let mut random = Random(7);
@@ -140,7 +140,7 @@ pub(crate) struct Property {
 
 /// Compares, with what a term holds constant at the start of a step, slopes and curvatures of its energy with those of its equations: at the
 /// start and elsewhere. Returns the largest slope.
-pub(crate) fn check_term<const D: usize, S: CellSpace<D>>(
+pub(crate) fn check_term<const D: usize, S: ParameterBox<D>>(
     case: &Case<D, S>,
     term: &mut dyn Term<D, S>,
     property: Property,
@@ -184,7 +184,7 @@ pub(crate) fn check_term<const D: usize, S: CellSpace<D>>(
 }
 
 /// Slope of the objective along a direction, and its curvature along the coefficients of the direction, by the equations.
-fn along<const D: usize, S: CellSpace<D>>(
+fn along<const D: usize, S: ParameterBox<D>>(
     equations: &Equations<D>,
     map: &SplineMap<D, S>,
     parameters: &[[f64; D]],
@@ -221,7 +221,7 @@ fn along<const D: usize, S: CellSpace<D>>(
 
 /// What is done with each case.
 pub(crate) trait EachCase {
-    fn with<const D: usize, S: CellSpace<D>>(&mut self, case: &Case<D, S>);
+    fn with<const D: usize, S: ParameterBox<D>>(&mut self, case: &Case<D, S>);
 }
 
 /// Degrees 1 to 4, D = 1 and 2, N = 2 and 3; tensor-product, periodic and hierarchical spaces.
@@ -252,7 +252,7 @@ const QUADRATIC: Property = Property { is_quadratic: true, holds_parameters: fal
 fn distances_have_the_derivatives_of_their_energy() {
     struct Each;
     impl EachCase for Each {
-        fn with<const D: usize, S: CellSpace<D>>(&mut self, case: &Case<D, S>) {
+        fn with<const D: usize, S: ParameterBox<D>>(&mut self, case: &Case<D, S>) {
             assert!(check_term(case, &mut Data, Property { is_distance: true, ..QUADRATIC }) > 0.1);
         }
     }
@@ -263,7 +263,7 @@ fn distances_have_the_derivatives_of_their_energy() {
 fn smoothing_has_the_derivatives_of_its_energy() {
     struct Each;
     impl EachCase for Each {
-        fn with<const D: usize, S: CellSpace<D>>(&mut self, case: &Case<D, S>) {
+        fn with<const D: usize, S: ParameterBox<D>>(&mut self, case: &Case<D, S>) {
             let space = case.map.space().as_ref();
             let gram = ThinPlate::new(space.degree(), Quadrature::Exact);
             let gram = gram.gram(space, &SymmetricPattern::new(space)).unwrap();
@@ -278,7 +278,7 @@ fn smoothing_has_the_derivatives_of_its_energy() {
 fn springs_have_the_derivatives_of_their_energy() {
     struct Each;
     impl EachCase for Each {
-        fn with<const D: usize, S: CellSpace<D>>(&mut self, case: &Case<D, S>) {
+        fn with<const D: usize, S: ParameterBox<D>>(&mut self, case: &Case<D, S>) {
             let options = JointOptions { stiffness: 0.1, cohesion: 0.3, ..JointOptions::default() };
             // They have moved from where they started, and so pull.
             let before: Vec<[f64; D]> =
@@ -295,7 +295,7 @@ fn springs_have_the_derivatives_of_their_energy() {
 fn triangle_centres_have_the_derivatives_of_their_energy() {
     struct Each;
     impl EachCase for Each {
-        fn with<const D: usize, S: CellSpace<D>>(&mut self, case: &Case<D, S>) {
+        fn with<const D: usize, S: ParameterBox<D>>(&mut self, case: &Case<D, S>) {
             if D == 2 {
                 let (triangles, space) = (&case.triangles, case.map.space().as_ref());
                 let centres = TriangleCentres::new(triangles, &rim(triangles), space, &case.points, 0.3).unwrap();
@@ -312,7 +312,7 @@ fn triangle_centres_have_the_derivatives_of_their_energy() {
 fn lost_area_has_the_derivatives_of_its_energy() {
     struct Each;
     impl EachCase for Each {
-        fn with<const D: usize, S: CellSpace<D>>(&mut self, case: &Case<D, S>) {
+        fn with<const D: usize, S: ParameterBox<D>>(&mut self, case: &Case<D, S>) {
             if D == 2 && case.map.dim() == 3 {
                 let mut lost_area = LostArea::new(case.map.space().degree(), &JointOptions::default(), 0.01);
                 assert!(check_term(case, &mut lost_area, Property::default()) > 0.1);

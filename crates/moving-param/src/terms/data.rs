@@ -1,7 +1,7 @@
 //! Distances of the points.
 
 use rayon::prelude::*;
-use thb_core::CellSpace;
+use thb_core::ParameterBox;
 
 use crate::Error;
 use crate::equations::Linearization;
@@ -20,7 +20,7 @@ pub(crate) fn half_squares(distances: &[f64], weights: &[f64]) -> f64 {
     0.5 * distances.iter().zip(weights).map(|(d, w)| w * d * d).sum::<f64>()
 }
 
-impl<const D: usize, S: CellSpace<D>> Term<D, S> for Data {
+impl<const D: usize, S: ParameterBox<D>> Term<D, S> for Data {
     fn name(&self) -> &'static str {
         "distances"
     }

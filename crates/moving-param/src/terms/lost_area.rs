@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use ndarray::Array2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, SplineMap, bernstein};
+use thb_core::{ParameterBox, SplineMap, bernstein};
 
 use crate::equations::Linearization;
 use crate::points::vector::{Vector, cross, dot, unit};
@@ -54,12 +54,12 @@ impl LostArea {
     }
 
     /// The low and turned samples of a map, if there is a surface to compare it with.
-    fn folds<const D: usize, S: CellSpace<D>>(&self, map: &SplineMap<D, S>) -> Option<Arc<Folds>> {
+    fn folds<const D: usize, S: ParameterBox<D>>(&self, map: &SplineMap<D, S>) -> Option<Arc<Folds>> {
         self.sheet.as_ref().map(|sheet| sheet.folds(&self.samples, map))
     }
 }
 
-impl<const D: usize, S: CellSpace<D>> Term<D, S> for LostArea {
+impl<const D: usize, S: ParameterBox<D>> Term<D, S> for LostArea {
     fn name(&self) -> &'static str {
         "lost area"
     }
@@ -129,7 +129,7 @@ impl AreaSamples {
     }
 
     /// `S_u` and `S_v` at a sample.
-    fn tangents<const D: usize, S: CellSpace<D>>(&self, map: &SplineMap<D, S>, sample: usize) -> [Vector; 2] {
+    fn tangents<const D: usize, S: ParameterBox<D>>(&self, map: &SplineMap<D, S>, sample: usize) -> [Vector; 2] {
         let bezier = map.bezier();
         let (cell, local) = (sample / PER_CELL, sample % PER_CELL);
         let coefficients = bezier.cell_coefficients(cell);
@@ -144,7 +144,7 @@ impl AreaSamples {
     }
 
     /// `S_u × S_v` at all samples.
-    fn area_vectors<const D: usize, S: CellSpace<D>>(&self, map: &SplineMap<D, S>) -> Vec<Vector> {
+    fn area_vectors<const D: usize, S: ParameterBox<D>>(&self, map: &SplineMap<D, S>) -> Vec<Vector> {
         let area = |sample: usize| {
             let [u, v] = self.tangents(map, sample);
             cross(&u, &v)
@@ -179,7 +179,7 @@ pub(crate) struct Folds {
 
 impl Sheet {
     /// The sheet of a map, with the weight `64 ω` of a cell.
-    pub(crate) fn new<const D: usize, S: CellSpace<D>>(
+    pub(crate) fn new<const D: usize, S: ParameterBox<D>>(
         samples: &AreaSamples,
         map: &SplineMap<D, S>,
         weight: f64,
@@ -198,7 +198,7 @@ impl Sheet {
     }
 
     /// The low and turned samples of a map.
-    pub(crate) fn folds<const D: usize, S: CellSpace<D>>(
+    pub(crate) fn folds<const D: usize, S: ParameterBox<D>>(
         &self,
         samples: &AreaSamples,
         map: &SplineMap<D, S>,
@@ -234,7 +234,7 @@ impl Sheet {
     }
 
     /// The functions of the cells with samples that had not turned over before, increasing.
-    pub(crate) fn around_turned<const D: usize, S: CellSpace<D>>(&self, space: &S, folds: &Folds) -> Vec<u32> {
+    pub(crate) fn around_turned<const D: usize, S: ParameterBox<D>>(&self, space: &S, folds: &Folds) -> Vec<u32> {
         let new = folds.turned.iter().filter(|sample| self.own.turned.binary_search(sample).is_err());
         let mut cells: Vec<usize> = new.map(|&sample| sample as usize / PER_CELL).collect();
         cells.dedup();
@@ -251,7 +251,7 @@ impl Sheet {
     }
 
     /// The linearized penalty of samples of one cell.
-    fn part<const D: usize, S: CellSpace<D>>(
+    fn part<const D: usize, S: ParameterBox<D>>(
         &self,
         samples: &AreaSamples,
         map: &SplineMap<D, S>,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ndarray::{Array2, ArrayView2};
-use thb_core::{CellSpace, SymmetricMatrix};
+use thb_core::{ParameterBox, SymmetricMatrix};
 
 use crate::Error;
 use crate::equations::Linearization;
@@ -49,7 +49,7 @@ impl Smoothing {
     }
 }
 
-impl<const D: usize, S: CellSpace<D>> Term<D, S> for Smoothing {
+impl<const D: usize, S: ParameterBox<D>> Term<D, S> for Smoothing {
     fn name(&self) -> &'static str {
         "smoothing"
     }

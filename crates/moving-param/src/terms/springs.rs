@@ -2,7 +2,7 @@
 
 use fit_ls::SortedPoints;
 use rayon::prelude::*;
-use thb_core::CellSpace;
+use thb_core::ParameterBox;
 
 use crate::equations::{Linearization, Spring};
 use crate::points::frame::Frame;
@@ -73,7 +73,7 @@ impl<const D: usize> Springs<D> {
     }
 }
 
-impl<const D: usize, S: CellSpace<D>> Term<D, S> for Springs<D> {
+impl<const D: usize, S: ParameterBox<D>> Term<D, S> for Springs<D> {
     fn name(&self) -> &'static str {
         "springs"
     }

@@ -2,7 +2,7 @@
 
 use fit_ls::{BlockEquations, SortedPoints};
 use ndarray::Array2;
-use thb_core::CellSpace;
+use thb_core::ParameterBox;
 
 use crate::Error;
 use crate::equations::Linearization;
@@ -73,7 +73,7 @@ const RIM: f64 = 0.3;
 impl TriangleCentres {
     /// Samples of those triangles, by indices of points, and of the edges of their rim, that lie in cells with few points or stand for
     /// many; `None` if there are none. Triangles and edges with a corner of weight 0 are not there.
-    pub(crate) fn new<const D: usize, S: CellSpace<D>>(
+    pub(crate) fn new<const D: usize, S: ParameterBox<D>>(
         triangles: &[[u32; 3]],
         rim: &[RimEdge],
         space: &S,
@@ -122,7 +122,7 @@ impl TriangleCentres {
     }
 
     /// The samples where the points have some parameters, sorted by cell.
-    fn samples<const D: usize, S: CellSpace<D>>(&self, at: &State<'_, D, S>) -> Result<SortedPoints<D>, Error> {
+    fn samples<const D: usize, S: ParameterBox<D>>(&self, at: &State<'_, D, S>) -> Result<SortedPoints<D>, Error> {
         let space = at.map.space().as_ref();
         let mut parameters = Array2::zeros((self.simplices.len(), D));
         for (mut row, simplex) in parameters.outer_iter_mut().zip(&self.simplices) {
@@ -142,7 +142,7 @@ impl TriangleCentres {
     }
 }
 
-impl<const D: usize, S: CellSpace<D>> Term<D, S> for TriangleCentres {
+impl<const D: usize, S: ParameterBox<D>> Term<D, S> for TriangleCentres {
     fn name(&self) -> &'static str {
         "triangle centres"
     }
@@ -201,7 +201,7 @@ fn vertex_normals(triangles: &[[u32; 3]], points: usize, point: impl Fn(u32) -> 
 
 /// How many points would lie in a triangle, or along an edge, were those of its cell spread evenly over it. `None` where points
 /// hold the surface by themselves: there are enough of them in the cell, and it is no larger than then.
-fn stands_for<const D: usize, S: CellSpace<D>>(
+fn stands_for<const D: usize, S: ParameterBox<D>>(
     space: &S,
     points: &SortedPoints<D>,
     at_of: &[usize],
@@ -229,7 +229,7 @@ fn stands_for<const D: usize, S: CellSpace<D>>(
 }
 
 /// The centre of the parameters of a triangle or an edge, which may lie across a seam.
-fn centre<const D: usize, S: CellSpace<D>>(
+fn centre<const D: usize, S: ParameterBox<D>>(
     space: &S,
     parameter: impl Fn(usize) -> [f64; D],
     at_of: &[usize],

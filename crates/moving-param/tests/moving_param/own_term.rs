@@ -9,7 +9,7 @@ use moving_param::{
     Error, JointOptions, Linearization, Method, MovingFit, Options, Spring, State, Step, StepStart, StepWatch, Term,
 };
 use ndarray::Array2;
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
+use thb_core::{ParameterBox, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 /// `½ κ |s(u) − q|²`: the map should meet a place at a parameter.
 #[derive(Debug)]
@@ -20,13 +20,13 @@ struct Through {
 }
 
 impl Through {
-    fn residual<S: CellSpace<2>>(&self, map: &SplineMap<2, S>) -> [f64; 3] {
+    fn residual<S: ParameterBox<2>>(&self, map: &SplineMap<2, S>) -> [f64; 3] {
         let value = map.eval(self.parameter).unwrap();
         std::array::from_fn(|k| value[k] - self.place[k])
     }
 }
 
-impl<S: CellSpace<2>> Term<2, S> for Through {
+impl<S: ParameterBox<2>> Term<2, S> for Through {
     fn name(&self) -> &'static str {
         "through a place"
     }
@@ -55,7 +55,7 @@ struct Hold {
     spring: Spring<2>,
 }
 
-impl<S: CellSpace<2>> Term<2, S> for Hold {
+impl<S: ParameterBox<2>> Term<2, S> for Hold {
     fn name(&self) -> &'static str {
         "held point"
     }

@@ -3,5 +3,6 @@
 mod box_splines;
 mod closest;
 mod common;
+mod multi_patch;
 mod periodic;
 mod theorems;

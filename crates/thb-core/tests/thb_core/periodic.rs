@@ -6,8 +6,8 @@ use std::sync::Arc;
 use ndarray::Array2;
 use proptest::prelude::*;
 use thb_core::{
-    CellSpace, Error, HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement, SplineMap, SymmetricPattern,
-    TensorSpace, ThinPlate, transfer,
+    CellSpace, Error, HierarchicalSpace, Kind, KnotVector, ParameterBox, Quadrature, Refinement, SplineMap,
+    SymmetricPattern, TensorSpace, ThinPlate, transfer,
 };
 
 use crate::common::random_map;

@@ -25,6 +25,7 @@ mod document;
 mod part21;
 mod partition;
 mod shell;
+mod solid;
 mod trim;
 
 use std::io::{self, Write};
@@ -35,6 +36,8 @@ use thb_core::{CellSpace, HierarchicalSpace, SplineMap, TensorSpace};
 use super::{Geometry, LengthUnit, Model, ModelErrorKind};
 use part21::{Id, Part21, list, reals};
 use shell::{Edge, Face, Shell, in_space};
+
+pub use solid::{SolidFile, write_solid};
 
 /// Distance below which CAD may take points for the same, and below which an edge counts as collapsed, as a share of the
 /// diagonal of the control points' box. Gaps between edges and faces, which are rounding, are 10⁶ times smaller. Larger

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use ndarray::{Array2, ArrayView1};
-use thb_core::{CellSpace, HierarchicalSpace, SplineMap, TensorSpace};
+use thb_core::{HierarchicalSpace, SplineMap, TensorSpace};
 
 use super::partition::{GridBox, partition};
 use super::trim::{Rim, rims};

@@ -1,0 +1,247 @@
+//! The two stages of a fit.
+
+use std::sync::Arc;
+
+use ndarray::Array2;
+use point_cloud::vec3::{norm, sub};
+use rayon::prelude::*;
+use thb_core::{CellSpace, MultiPatchSpace, SplineMap, SymmetricPattern};
+
+use crate::arc_points::{ArcElement, arc_elements};
+use crate::equations::Solver;
+use crate::feet::follow;
+use crate::samples::{Sample, Samples};
+use crate::terms::{Angles, Data, Kinks, Plates, State, Term};
+use crate::{Error, Options, Surface};
+
+/// Weight of the plates in the first step, and what it is multiplied by from step to step: parameters settle on a stiff surface first.
+///
+/// Calibrated: on a blob, a figure and a mechanical part, prototypes of this fit.
+const FIRST_PLATES: f64 = 1e-4;
+const PLATES_FACTOR: f64 = 0.18;
+
+/// ω of the first stage, as a share of what is asked for up to 1: the form with held factors needs little weight to tell where neighbours'
+/// planes are.
+///
+/// Calibrated: as [`FIRST_PLATES`].
+const KINKS_SHARE: f64 = 0.3;
+
+/// The size of an element: this times the diagonal / (√P n), for P patches of n × n elements.
+///
+/// Derived: the area of a typical part is about half the square of its diagonal.
+const ELEMENT_SIZE: f64 = 0.7;
+
+/// Halvings of a Gauss–Newton step that raises the objective; after these it ends.
+///
+/// Limit: 2⁻⁶ of a step changes the surface by too little to go on.
+const HALVINGS: usize = 6;
+
+/// One step of a fit, for logs and reports.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Step {
+    /// μ.
+    pub plates: f64,
+    /// ω.
+    pub smoothness: f64,
+    /// The value of the data term after the step, before parameters follow, in squared diagonals.
+    pub data: f64,
+    /// The value of the angle term, in squared diagonals.
+    pub angles: f64,
+}
+
+/// A fitted surface.
+#[derive(Debug)]
+pub struct Fitted {
+    /// The surface.
+    pub surface: Surface,
+    /// The samples at their foot points.
+    pub samples: Samples,
+    /// The distance of each sample from the surface at its foot point.
+    pub distances: Vec<f64>,
+    /// What happened.
+    pub steps: Vec<Step>,
+}
+
+/// The fit between two steps.
+struct Fit<'a> {
+    space: &'a Arc<MultiPatchSpace>,
+    sharp: &'a [bool],
+    elements: Vec<ArcElement>,
+    plates: Plates,
+    solver: Solver,
+    samples: Samples,
+    /// In diagonals.
+    coefficients: Vec<f64>,
+    /// (ω h)² / n_E for ω = 1.
+    unit_of_angles: f64,
+    steps: Vec<Step>,
+}
+
+/// Fits a surface to samples. `sharp` tells of each arc whether the surface may have a kink there.
+///
+/// First the vector form of the angle term while μ falls, with a pass of foot points a step; then Gauss–Newton steps on the angles. The
+/// result does not depend on the number of threads.
+///
+/// # Errors
+/// [`Error`].
+pub fn fit(
+    space: &Arc<MultiPatchSpace>,
+    sharp: &[bool],
+    samples: Vec<Sample>,
+    options: &Options,
+) -> Result<Fitted, Error> {
+    options.check()?;
+    let (given, expected) = (sharp.len(), space.topology().arcs().len());
+    if given != expected {
+        return Err(thb_core::Error::Shape { what: "flags of sharp arcs", given, expected }.into());
+    }
+    let span = tracing::info_span!("multi_patch_fit", functions = space.n_functions(), samples = samples.len());
+    let _guard = span.enter();
+    let mut fit = Fit::new(space, sharp, samples, options)?;
+    fit.first_stage(options)?;
+    fit.second_stage(options)?;
+    fit.finish(options)
+}
+
+impl<'a> Fit<'a> {
+    fn new(
+        space: &'a Arc<MultiPatchSpace>,
+        sharp: &'a [bool],
+        mut samples: Vec<Sample>,
+        options: &Options,
+    ) -> Result<Self, Error> {
+        // Lengths in diagonals; coordinates are small already where parts lie near the origin.
+        samples.iter_mut().for_each(|sample| sample.point = sample.point.map(|x| x / options.diagonal));
+        let samples = Samples::new(space, samples)?;
+        let elements = arc_elements(space, sharp)?;
+        let groups: Vec<Vec<u32>> = elements.iter().map(|element| element.functions.clone()).collect();
+        let pattern = SymmetricPattern::with_groups(space.as_ref(), &groups);
+        let smooth_arcs = elements.chunk_by(|a, b| a.arc == b.arc).count();
+        let size = ELEMENT_SIZE / (space.n_cells() as f64).sqrt();
+        // All control points in the centre: the first step is a fit from nothing.
+        let mut centre = [0.0; 3];
+        for sample in samples.as_slice() {
+            (0..3).for_each(|k| centre[k] += sample.weight * sample.point[k] / samples.total_weight());
+        }
+        let coefficients = centre.repeat(space.n_functions());
+        Ok(Self {
+            space,
+            sharp,
+            plates: Plates::new(space, &pattern)?,
+            solver: Solver::new(&pattern)?,
+            samples,
+            coefficients,
+            unit_of_angles: size * size / smooth_arcs.max(1) as f64,
+            elements,
+            steps: Vec::new(),
+        })
+    }
+
+    fn set_plates(&mut self, plates: f64) {
+        self.plates.set_weight(plates / self.space.n_patches() as f64);
+    }
+
+    fn surface(&self, coefficients: &[f64], unit: f64) -> Result<Surface, Error> {
+        let values = Array2::from_shape_fn((self.space.n_functions(), 3), |(i, k)| unit * coefficients[3 * i + k]);
+        Ok(SplineMap::new(Arc::clone(self.space), values)?)
+    }
+
+    /// The step of the sum of data, plates and `third`.
+    fn step(&mut self, third: Option<&dyn Term>, is_coupled: bool) -> Result<Vec<f64>, Error> {
+        let mut equations = self.solver.equations(is_coupled)?;
+        let state = State { space: self.space, coefficients: &self.coefficients, samples: &self.samples };
+        Data.linearize(&state, &mut equations);
+        self.plates.linearize(&state, &mut equations);
+        if let Some(third) = third {
+            third.linearize(&state, &mut equations);
+        }
+        self.solver.solve(equations)
+    }
+
+    fn moved(&self, step: &[f64], share: f64) -> Vec<f64> {
+        self.coefficients.iter().zip(step).map(|(c, d)| c + share * d).collect()
+    }
+
+    /// Parameters follow the surface.
+    fn follow(&mut self) -> Result<(), Error> {
+        let surface = self.surface(&self.coefficients, 1.0)?;
+        follow(&mut self.samples, &surface, self.sharp);
+        Ok(())
+    }
+
+    fn note(&mut self, plates: f64, smoothness: f64) {
+        let state = State { space: self.space, coefficients: &self.coefficients, samples: &self.samples };
+        let angles = Angles { elements: &self.elements, scale: self.unit_of_angles };
+        let step = Step { plates, smoothness, data: Data.energy(&state), angles: angles.energy(&self.coefficients) };
+        tracing::info!(?step, "step");
+        self.steps.push(step);
+    }
+
+    /// μ falls to what is asked for, with the vector form of the angle term but for the first step, which has no surface yet.
+    fn first_stage(&mut self, options: &Options) -> Result<(), Error> {
+        let mut plates = FIRST_PLATES.max(options.plates);
+        let smoothness = KINKS_SHARE * options.smoothness.min(1.0);
+        loop {
+            self.set_plates(plates);
+            let elements = std::mem::take(&mut self.elements);
+            let scale = smoothness * smoothness * self.unit_of_angles;
+            let is_first = self.steps.is_empty();
+            let step = {
+                let kinks = (!is_first && scale > 0.0).then(|| Kinks::frozen(&elements, scale, &self.coefficients));
+                self.step(kinks.as_ref().map(|kinks| kinks as &dyn Term), false)
+            };
+            self.elements = elements;
+            self.coefficients = self.moved(&step?, 1.0);
+            self.note(plates, if is_first { 0.0 } else { smoothness });
+            self.follow()?;
+            if plates <= options.plates && !is_first {
+                return Ok(());
+            }
+            plates = (plates * PLATES_FACTOR).max(options.plates);
+        }
+    }
+
+    /// Gauss–Newton steps with the angles themselves.
+    fn second_stage(&mut self, options: &Options) -> Result<(), Error> {
+        self.set_plates(options.plates);
+        let scale = options.smoothness * options.smoothness * self.unit_of_angles;
+        for _ in 0..options.angle_steps {
+            if scale == 0.0 {
+                break;
+            }
+            let elements = std::mem::take(&mut self.elements);
+            let angles = Angles { elements: &elements, scale };
+            let step = self.step(Some(&angles.frozen(&self.coefficients)), true);
+            let taken = step.map(|step| self.search(&step, &angles));
+            self.elements = elements;
+            let Some(taken) = taken? else { break };
+            self.coefficients = taken;
+            self.note(options.plates, options.smoothness);
+            self.follow()?;
+        }
+        Ok(())
+    }
+
+    /// The coefficients after the longest of a step, its half, and so on, that lowers the objective.
+    fn search(&self, step: &[f64], angles: &Angles<'_>) -> Option<Vec<f64>> {
+        let objective = |coefficients: &[f64]| {
+            let state = State { space: self.space, coefficients, samples: &self.samples };
+            Data.energy(&state) + self.plates.energy(&state) + angles.energy(coefficients)
+        };
+        let before = objective(&self.coefficients);
+        let shares = (0..=HALVINGS).map(|halvings| 0.5_f64.powi(halvings as i32));
+        shares.map(|share| self.moved(step, share)).find(|moved| objective(moved) < before)
+    }
+
+    fn finish(self, options: &Options) -> Result<Fitted, Error> {
+        let unit = options.diagonal;
+        let surface = self.surface(&self.coefficients, unit)?;
+        let Self { samples, steps, .. } = self;
+        let samples = samples.scaled(unit);
+        let bezier = surface.bezier();
+        let places = samples.as_slice().par_iter().zip(samples.cells());
+        let distances =
+            places.map(|(s, &cell)| norm(sub(bezier.jet(cell as usize, s.place.u).value, s.point))).collect();
+        Ok(Fitted { surface, samples, distances, steps })
+    }
+}
