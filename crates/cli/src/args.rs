@@ -7,8 +7,10 @@ use reconstruct::{
     BlendChoice, BoundaryChoice, Clean, Closed, ClosedChoice, CornerChoice, Crop, CurveOptions, CurveParameters,
     Decimal, Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule,
     LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions, QuasiOptions,
-    RadiusChoice, ReadOptions, Refine, ReweightingOptions, Samples, SideRule, Tolerance, UpdateChoice,
+    RadiusChoice, ReadOptions, Refine, ReweightingOptions, Samples, SideRule, SolidOptions, Tolerance, UpdateChoice,
 };
+
+use crate::solid::SolidArgs;
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
 ///
@@ -127,6 +129,8 @@ pub(crate) struct FitArgs {
     pub(crate) quiet: bool,
     #[command(flatten)]
     layout: LayoutArgs,
+    #[command(flatten)]
+    pub(crate) solid: SolidArgs,
 
     /// Fitting method: auto (as joint, or ls where that ends better); ls or qi (fixed parameters: one system for all control
     /// points, or a small local problem for each); or parameters that move together with the surface: a-pdm, a-tdm, a-hdm,
@@ -204,8 +208,9 @@ pub(crate) struct FitArgs {
     #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true, help_heading = "When it is good enough")]
     tol: Tolerance,
     /// Share of the points that must be within the tolerance; 1 for all.
-    #[arg(long, visible_alias = "nu", default_value_t = FitOptions::default().within, allow_hyphen_values = true, help_heading = "When it is good enough")]
-    within: f64,
+    /// [default: 0.95; with --layout 0.99, of the areas of mesh and surface]
+    #[arg(long, visible_alias = "nu", allow_hyphen_values = true, help_heading = "When it is good enough")]
+    within: Option<f64>,
     /// Largest number of levels; level 0 counts.
     #[arg(long, default_value_t = FitOptions::default().levels, help_heading = "When it is good enough")]
     levels: usize,
@@ -248,6 +253,25 @@ pub(crate) struct FitArgs {
 }
 
 impl FitArgs {
+    /// The options of a whole part, if it is one.
+    pub(crate) fn solid_options(&self) -> Option<SolidOptions> {
+        let default = SolidOptions::of_layout(self.solid.layout.clone()?);
+        // Directions with different numbers are refused by the check: 0 is out of range.
+        let alike = |Pair([u, v]): Pair| if u == v { u } else { 0 };
+        Some(SolidOptions {
+            degree: alike(self.degree),
+            elements: self.mesh.map_or(default.elements, alike),
+            smoothness: self.solid.smoothness,
+            sharp: self.solid.sharp,
+            tol: if self.tol == Tolerance::Auto { default.tol } else { self.tol },
+            within: self.within.unwrap_or(default.within),
+            units: self.units,
+            flip: self.flip,
+            read: ReadOptions { weights: self.weights.clone(), ..self.layout.read.options() },
+            ..default
+        })
+    }
+
     /// The options of the fit.
     pub(crate) fn options(&self) -> FitOptions {
         FitOptions {
@@ -279,7 +303,7 @@ impl FitArgs {
             mesh: self.mesh,
             lambda: self.lambda,
             tol: self.tol,
-            within: self.within,
+            within: self.within.unwrap_or(FitOptions::default().within),
             levels: self.levels,
             max_dofs: self.max_dofs,
             max_step_control_points: self.max_step_control_points,

@@ -2,6 +2,7 @@
 
 mod args;
 mod progress;
+mod solid;
 
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::ops::ControlFlow;
@@ -83,6 +84,9 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
     let options = args.options();
     let threads = at_most_four_a_core("--threads", options.threads);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+    if let Some(solid) = args.solid_options() {
+        return solid::fit(args, &solid);
+    }
     let batch = BatchOptions {
         outputs: args.outputs.clone(),
         report: args.report.clone(),

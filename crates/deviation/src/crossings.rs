@@ -2,7 +2,7 @@
 
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 use serde::Serialize;
-use thb_core::{CellSpace, SplineMap};
+use thb_core::{ParameterBox, SplineMap};
 
 use crate::parts::point_at;
 use crate::sets::Sets;

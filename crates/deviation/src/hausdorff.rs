@@ -3,7 +3,7 @@
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use ndarray::ArrayView2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, ClosestPoints, SplineMap};
+use thb_core::{ClosestPoints, SplineMap};
 
 use crate::Error;
 

@@ -3,7 +3,7 @@
 use crate::creases::area_vector;
 use point_cloud::TriangleTree;
 use point_cloud::vec3::{cross, dot, sub, unit};
-use thb_core::{BezierMap, CellSpace, HierarchicalSpace, Jet, SplineMap, descend};
+use thb_core::{BezierMap, HierarchicalSpace, Jet, SplineMap, descend};
 
 use crate::{Error, Tessellation};
 

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use point_cloud::vec3::{cross, dot, norm, scale, sub};
 use rustc_hash::FxHashMap;
-use thb_core::{BezierMap, CellSpace, MAX_DEGREE, SplineMap, bernstein};
+use thb_core::{BezierMap, MAX_DEGREE, SplineMap, bernstein};
 
 use crate::Error;
 

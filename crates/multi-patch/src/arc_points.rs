@@ -6,8 +6,6 @@ use thb_core::{ArcUse, CellSpace, Error, MultiPatchSpace, PatchPlace, side_point
 /// The derivatives along and across an arc as linear combinations of coefficients: weights by function of the element.
 #[derive(Clone, Debug)]
 pub(crate) struct ArcPoint {
-    /// Where on the arc, 0 at its start.
-    pub(crate) t: f64,
     /// Weight in the sum over the arc; Gauss points of an arc sum to 1.
     pub(crate) weight: f64,
     /// Of T, the derivative along the arc.
@@ -88,8 +86,7 @@ fn arc_element(
         }
         weights
     };
-    let points = places.iter().zip(&found).map(|(&(t, weight), [left, right])| ArcPoint {
-        t,
+    let points = places.iter().zip(&found).map(|(&(_, weight), [left, right])| ArcPoint {
         weight,
         along: spread(left, 0),
         inward: [spread(left, 1), spread(right, 1)],

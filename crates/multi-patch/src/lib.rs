@@ -18,10 +18,14 @@ mod equations;
 mod error;
 mod feet;
 mod fit;
+#[cfg(test)]
+mod fit_tests;
 mod measure;
 mod options;
 mod samples;
 mod terms;
+#[cfg(test)]
+mod testing;
 
 pub use error::Error;
 pub use fit::{Fitted, Step, fit};

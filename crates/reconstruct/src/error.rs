@@ -68,6 +68,45 @@ pub enum Error {
     /// The spline space is not possible.
     #[error(transparent)]
     Space(#[from] thb_core::Error),
+    /// A layout in patches cannot be used.
+    #[error(transparent)]
+    Layout(#[from] quad_layout::LayoutError),
+    /// The fit of several patches failed.
+    #[error(transparent)]
+    Patches(#[from] multi_patch::Error),
+    /// A layout was given for something without triangles.
+    #[error("there are no triangles with an area; --layout needs a mesh")]
+    NoTriangles,
+    /// A patch of a layout names a corner that the file does not have.
+    #[error("quad {patch} (counted from 0) of the layout has corner {corner}, but there are only {corners} corners")]
+    LayoutCorner {
+        /// The patch.
+        patch: usize,
+        /// The corner.
+        corner: u32,
+        /// Number of corners.
+        corners: usize,
+    },
+    /// A layout lies elsewhere than the mesh.
+    #[error(
+        "{}: the layout fills the box from {:?} to {:?}, the mesh that from {:?} to {:?}; it must have the coordinates of the mesh, or \
+         those in which the mesh's box has its centre at 0 and a diagonal of 1",
+        path.display(), layout[0], layout[1], mesh[0], mesh[1]
+    )]
+    ForeignLayout {
+        /// The file of the layout.
+        path: PathBuf,
+        /// Box of its vertices.
+        layout: [[f64; 3]; 2],
+        /// Box of the mesh.
+        mesh: [[f64; 3]; 2],
+    },
+    /// An output of a whole part that is no STEP file.
+    #[error("{}: surfaces of many faces are written to .step and .stp only", path.display())]
+    SolidFormat {
+        /// The output.
+        path: PathBuf,
+    },
     /// Points of a surface have three coordinates.
     #[error(
         "points have {given} coordinates; a surface needs x, y and z, which --columns names; thb fit-curve fits curves"
@@ -440,6 +479,7 @@ impl Error {
             | Self::OutputFormat { .. }
             | Self::ParameterFormat { .. }
             | Self::CurveFormat { .. }
+            | Self::SolidFormat { .. }
             | Self::NeedsDirectory { .. }
             | Self::SameName { .. }
             | Self::OutputTwice { .. }

@@ -47,6 +47,7 @@ mod pieces;
 mod prepare;
 mod problem;
 mod report;
+mod solid;
 mod tolerance;
 mod trim;
 mod units;
@@ -84,6 +85,10 @@ pub use pieces::{PieceFit, PieceFits, PieceReport, PiecesReport, fit_pieces, fit
 pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, SmoothedMore,
     layout_report,
+};
+pub use solid::{
+    Sharp, Smoothness, SolidDistances, SolidFit, SolidLayoutReport, SolidOptions, SolidReason, SolidReport,
+    SolidVolume, check_solid_outputs, fit_solid_file, write_solid_outputs,
 };
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use point_cloud::BoundingBox;
-use thb_core::{CellSpace as _, HierarchicalSpace, SplineMap};
+use thb_core::{HierarchicalSpace, SplineMap};
 
 use crate::attempt::Attempt;
 use crate::auto::{self, Chosen};

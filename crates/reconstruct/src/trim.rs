@@ -8,7 +8,7 @@ use ndarray::{Array2, ArrayView2, Axis};
 use point_cloud::{BoundaryParams, CloudError, TriangleMesh, find_boundary, largest_disk};
 use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
+use thb_core::{HierarchicalSpace, Kind, KnotVector, SplineMap};
 
 use crate::{Error, Parameterized};
 

@@ -3,14 +3,16 @@
 use cargo_metadata::Metadata;
 
 /// Each crate with the crates that may use it.
-const USED_BY: [(&str, &[&str]); 12] = [
-    ("thb-core", &["adaptive", "fit-ls", "fit-qi", "moving-param", "deviation", "geom-io", "reconstruct"]),
+const USED_BY: [(&str, &[&str]); 14] = [
+    ("thb-core", &["adaptive", "fit-ls", "fit-qi", "moving-param", "multi-patch", "deviation", "quad-layout", "geom-io", "reconstruct"]),
     ("adaptive", &["fit-ls", "fit-qi", "moving-param", "reconstruct"]),
-    ("fit-ls", &["fit-qi", "moving-param", "reconstruct"]),
+    ("fit-ls", &["fit-qi", "moving-param", "multi-patch", "reconstruct"]),
     ("fit-qi", &["moving-param", "reconstruct"]),
     ("moving-param", &["reconstruct"]),
-    ("point-cloud", &["param-classic", "param-nn", "deviation", "geom-io", "reconstruct"]),
-    ("param-classic", &["param-nn", "reconstruct"]),
+    ("multi-patch", &["reconstruct"]),
+    ("point-cloud", &["param-classic", "param-nn", "multi-patch", "quad-layout", "deviation", "geom-io", "reconstruct"]),
+    ("param-classic", &["param-nn", "quad-layout", "reconstruct"]),
+    ("quad-layout", &["reconstruct"]),
     ("param-nn", &["reconstruct"]),
     ("deviation", &["reconstruct"]),
     ("geom-io", &["reconstruct"]),

@@ -9,6 +9,7 @@ pub mod dxf;
 mod error;
 pub mod gismo;
 pub mod json;
+mod layout;
 pub mod step;
 pub mod svg;
 
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use thb_core::SplineMap;
 
 pub use error::{ModelError, ModelErrorKind};
+pub use layout::{LayoutFile, LayoutQuad, parse_layout, read_layout};
 pub use step::{SolidFile, StepOptions, StepSurface, write_solid};
 pub use svg::{GRAPH, SvgOptions};
 

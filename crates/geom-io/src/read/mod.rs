@@ -264,6 +264,12 @@ pub fn read_text(path: &Path) -> Result<String, ReadError> {
     read().map_err(|kind| ReadError { path: path.to_owned(), kind })
 }
 
+/// The bytes of a file, without compression by gzip or zip.
+pub(crate) fn read_unpacked(path: &Path) -> Result<Vec<u8>, ReadErrorKind> {
+    let bytes = source::read(path)?;
+    Ok(source::unpack(&bytes, None)?.bytes.into_owned())
+}
+
 /// Reads a point cloud or mesh from the bytes of a file, which may be compressed by gzip or lie alone in a zip archive;
 /// `options.format` is not used.
 ///

@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use crate::model_common::{cap, curve, dome, ring, sheet, spots};
 use geom_io::model::step::{StepFile, StepOptions};
-use geom_io::model::{LengthUnit, Model, ModelErrorKind};
+use geom_io::model::{LengthUnit, Model, ModelErrorKind, SolidFile};
 use ndarray::Array2;
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap, TensorSpace};
+use thb_core::{
+    CellSpace, HierarchicalSpace, Kind, KnotVector, MultiPatchSpace, PatchSide, PatchTopology, SplineMap, TensorSpace,
+};
 
 /// The entities of a file: name and parameters, in the order of the file.
 struct Parsed {
@@ -82,6 +84,10 @@ impl Parsed {
     fn new(file: &StepFile) -> Self {
         let mut bytes = Vec::new();
         file.write(&mut bytes).unwrap();
+        Self::read(bytes)
+    }
+
+    fn read(bytes: Vec<u8>) -> Self {
         let text = String::from_utf8(bytes).unwrap();
         assert!(text.is_ascii() && text.starts_with("ISO-10303-21;") && text.ends_with("END-ISO-10303-21;\n"));
         let data = text.split("DATA;\n").nth(1).unwrap().split("ENDSEC;").next().unwrap();
@@ -495,4 +501,103 @@ fn what_step_cannot_hold_is_refused() {
     assert!(matches!(refused(&[0.5], 1, varied), Some(ModelErrorKind::PointDimension { given: 1 })));
     assert!(matches!(refused(&[0.5], 4, varied), Some(ModelErrorKind::PointDimension { given: 4 })));
     assert!(matches!(refused(&[0.5], 3, |_| 1.0), Some(ModelErrorKind::Degenerate { .. })));
+}
+
+/// The faces of a cube, or some of them, glued along its edges; every second one is numbered from another corner.
+fn glued(faces: &[[u32; 4]]) -> PatchTopology {
+    let mut arcs: Vec<[u32; 2]> = Vec::new();
+    let mut patches = Vec::new();
+    for (number, face) in faces.iter().enumerate() {
+        let mut corners = *face;
+        corners.rotate_left(number % 4);
+        patches.push(std::array::from_fn(|side| {
+            let ends = [corners[side], corners[(side + 1) % 4]];
+            let known = arcs.iter().position(|arc| *arc == ends || *arc == [ends[1], ends[0]]);
+            let arc = known.unwrap_or_else(|| {
+                arcs.push(ends);
+                arcs.len() - 1
+            });
+            PatchSide { arc: arc as u32, reversed: arcs[arc] != ends }
+        }));
+    }
+    PatchTopology::new(8, arcs, patches).unwrap()
+}
+
+/// Corners of the faces of a cube, numbered by the bits of x, y, z, seen from outside.
+const CUBE: [[u32; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+
+/// A lumpy map of glued faces: some points per function.
+fn lumpy(topology: PatchTopology) -> SplineMap<2, MultiPatchSpace> {
+    let space = MultiPatchSpace::uniform(Arc::new(topology), 3, 2).unwrap();
+    let coefficients = Array2::from_shape_fn((space.n_functions(), 3), |(i, k)| ((7 * i + 3 * k) as f64).sin());
+    SplineMap::new(Arc::new(space), coefficients).unwrap()
+}
+
+fn solid(map: &SplineMap<2, MultiPatchSpace>, options: &StepOptions) -> Parsed {
+    let file = SolidFile::new(map, LengthUnit::Millimetre, options).unwrap();
+    let mut bytes = Vec::new();
+    file.write(&mut bytes).unwrap();
+    let parsed = Parsed::read(bytes);
+    parsed.check_references();
+    assert_eq!(parsed.check_splines(), file.n_control_points());
+    parsed
+}
+
+#[test]
+fn a_closed_surface_of_patches_is_a_solid() {
+    let map = lumpy(glued(&CUBE));
+    for flip in [false, true] {
+        let parsed = solid(&map, &StepOptions { flip, ..StepOptions::default() });
+        assert_eq!((parsed.count("MANIFOLD_SOLID_BREP"), parsed.count("CLOSED_SHELL")), (1, 1));
+        assert_eq!(parsed.count("ADVANCED_BREP_SHAPE_REPRESENTATION"), 1);
+        let counts = ["ADVANCED_FACE", "EDGE_CURVE", "VERTEX_POINT"].map(|name| parsed.count(name));
+        assert_eq!(counts, [6, 12, 8]);
+        assert_eq!(parsed.topology(), (12, 0, 0));
+        let along = Value::Other(if flip { ".F." } else { ".T." }.to_owned());
+        assert!(parsed.all("ADVANCED_FACE").all(|face| face[3] == along));
+    }
+}
+
+/// Control points of each edge's curve stand to the last bit in the surfaces of both its faces.
+#[test]
+fn edges_of_a_solid_are_sides_of_its_faces() {
+    let parsed = solid(&lumpy(glued(&CUBE)), &StepOptions::default());
+    let place = |id: u64| parsed.point(id).map(f64::to_bits);
+    let curves: Vec<Vec<[u64; 3]>> = parsed
+        .all("EDGE_CURVE")
+        .map(|edge| parsed.of(edge[3].reference(), "B_SPLINE_CURVE_WITH_KNOTS")[2].references())
+        .map(|points| points.into_iter().map(place).collect())
+        .collect();
+    let mut found = vec![0; curves.len()];
+    for surface in parsed.all("B_SPLINE_SURFACE_WITH_KNOTS") {
+        let net: Vec<Vec<[u64; 3]>> =
+            surface[3].list().iter().map(|row| row.references().into_iter().map(place).collect()).collect();
+        let last = |row: &[[u64; 3]]| row[row.len() - 1];
+        let sides = [
+            net[0].clone(),
+            net[net.len() - 1].clone(),
+            net.iter().map(|row| row[0]).collect(),
+            net.iter().map(|row| last(row)).collect::<Vec<_>>(),
+        ];
+        for (curve, found) in curves.iter().zip(&mut found) {
+            let backward: Vec<[u64; 3]> = curve.iter().rev().copied().collect();
+            *found += sides.iter().filter(|side| *side == curve || **side == backward).count();
+        }
+    }
+    assert_eq!(found, vec![2; 12]);
+}
+
+#[test]
+fn an_open_surface_of_patches_is_a_shell() {
+    let parsed = solid(&lumpy(glued(&CUBE[..5])), &StepOptions::default());
+    assert_eq!((parsed.count("SHELL_BASED_SURFACE_MODEL"), parsed.count("OPEN_SHELL")), (1, 1));
+    assert_eq!(parsed.topology(), (8, 4, 1));
+}
+
+#[test]
+fn a_surface_without_an_outside_is_refused() {
+    let mut faces = CUBE;
+    faces[3].reverse();
+    let refused = SolidFile::new(&lumpy(glued(&faces)), LengthUnit::Millimetre, &StepOptions::default());
+    assert!(matches!(refused.err(), Some(ModelErrorKind::Misoriented { .. })));
 }

@@ -2,7 +2,7 @@
 
 use fit_ls::{Cholesky, Fixed, NormalEquations, SortedPoints, eliminate};
 use ndarray::{Array1, Array2};
-use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
 use crate::damping::{Damping, DampingRule};
 use crate::equations::Equations;

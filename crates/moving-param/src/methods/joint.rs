@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use fit_ls::{BlockEquations, LeastSquares, SortedPoints};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
-use thb_core::{BezierMap, ParameterBox, HierarchicalSpace, SplineMap, transfer};
+use thb_core::{BezierMap, CellSpace, HierarchicalSpace, ParameterBox, SplineMap, transfer};
 
 use crate::damping::{Damping, DampingRule};
 use crate::driver::{Limits, StepProblem, minimize};

@@ -1,6 +1,8 @@
 //! The terms of the objective, each with its energy, and what it adds to the equations of a step.
 
 mod angles;
+#[cfg(test)]
+mod check;
 mod data;
 mod plates;
 

@@ -3,7 +3,7 @@
 use deviation::{Reason, Verdict};
 use ndarray::{Array1, Array2};
 use serde::Serialize;
-use thb_core::{CellSpace, ClosestPoints, SplineMap};
+use thb_core::{ClosestPoints, SplineMap};
 
 use super::crossing::{self, Plane};
 use super::polygon::{Place, Polygon, distance};

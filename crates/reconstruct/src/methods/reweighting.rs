@@ -11,7 +11,7 @@ use fit_ls::{
 use moving_param::MovingFit;
 use ndarray::{ArrayView2, Axis};
 use point_cloud::{BoundingBox, LocalFrames};
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector};
+use thb_core::{HierarchicalSpace, Kind, KnotVector};
 
 use super::reweighting_report::ReweightingReport;
 use super::task::{Fitted, least_squares_options};

@@ -1,0 +1,77 @@
+//! The mesh of a whole part, prepared for sampling and measuring.
+
+use deviation::CurvedTriangles;
+use geom_io::Scan;
+use point_cloud::vec3::{cross, dot, norm, sub};
+use point_cloud::{TriangleMesh, TriangleTree, merge_duplicate_vertices};
+
+use crate::Error;
+
+/// The triangles of a part.
+pub(super) struct SolidMesh {
+    pub(super) curved: CurvedTriangles,
+    pub(super) tree: TriangleTree,
+    pub(super) area: f64,
+    pub(super) diagonal: f64,
+    /// Lower and upper corner of its box.
+    pub(super) bounds: [[f64; 3]; 2],
+}
+
+/// Lower and upper corner of the box around points.
+pub(super) fn box_of(points: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 2] {
+    points.fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[lower, upper], p| {
+        [std::array::from_fn(|k| lower[k].min(p[k])), std::array::from_fn(|k| upper[k].max(p[k]))]
+    })
+}
+
+impl SolidMesh {
+    /// Makes vertices in one place one, as formats without shared vertices need it, and indexes the triangles.
+    pub(super) fn new(scan: Scan) -> Result<Self, Error> {
+        let Some(triangles) = scan.triangles else { return Err(Error::NoTriangles) };
+        let vertices = scan.cloud.points;
+        if vertices.ncols() != 3 {
+            return Err(Error::Coordinates { given: vertices.ncols() });
+        }
+        let (mesh, ..) = merge_duplicate_vertices(&TriangleMesh { vertices, triangles });
+        let vertices: Vec<[f64; 3]> = mesh.vertices.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
+        let curved = CurvedTriangles::new(vertices, mesh.triangles);
+        let area = curved.areas().iter().sum();
+        let corners: Vec<[[f64; 3]; 3]> = (0..curved.triangles().len()).map(|t| curved.corners(t)).collect();
+        let bounds = box_of(corners.iter().flatten().copied());
+        let diagonal = norm(sub(bounds[1], bounds[0]));
+        if !(area > 0.0 && diagonal.is_finite()) {
+            return Err(Error::NoTriangles);
+        }
+        Ok(Self { tree: TriangleTree::new(&corners), curved, area, diagonal, bounds })
+    }
+
+    /// The volume that the triangles enclose, if they are closed.
+    pub(super) fn volume(&self) -> f64 {
+        let of = |t: usize| {
+            let [p, q, r] = self.curved.corners(t);
+            dot(p, cross(q, r)) / 6.0
+        };
+        (0..self.curved.triangles().len()).map(of).sum()
+    }
+
+    /// The normal of the facet nearest to a point; of facets about as near the one that agrees best with `like`, since at edges
+    /// several are.
+    pub(super) fn outward(&self, point: [f64; 3], like: [f64; 3]) -> [f64; 3] {
+        let nearest = self.tree.nearest(point);
+        let radius = AS_NEAR * nearest.squared_distance.sqrt() + LEAST_NEAR * self.diagonal;
+        let mut best = self.curved.facet_normal(nearest.triangle as usize);
+        self.tree.for_each_within(point, radius, |triangle| {
+            let normal = self.curved.facet_normal(triangle as usize);
+            if dot(normal, like) > dot(best, like) {
+                best = normal;
+            }
+        });
+        best
+    }
+}
+
+/// Facets up to this many times as far away as the nearest count as near, and those within this share of the diagonal.
+///
+/// Limit: round-off at edges, where two facets are the nearest.
+const AS_NEAR: f64 = 1.001;
+const LEAST_NEAR: f64 = 1e-6;

@@ -1,0 +1,119 @@
+//! Samples of a part: of its area on curved triangles, and of its creases.
+
+use multi_patch::Sample;
+use point_cloud::barycentric_in_plane;
+use point_cloud::vec3::{add, norm, scale, sub};
+use quad_layout::{Locator, QuadLayout};
+use rayon::prelude::*;
+use thb_core::{CellSpace, MultiPatchSpace, PatchPlace, side_point};
+
+use super::mesh::SolidMesh;
+
+/// Samples of the area for each cell of the space, in the mean.
+///
+/// Limit: more than the 16 functions of a bicubic cell, so that data decide.
+const PER_CELL: usize = 24;
+
+/// Parts that a side of a triangle is cut into at most.
+///
+/// Limit: 10⁴ samples a triangle.
+const MOST_PARTS: usize = 100;
+
+/// Samples of a crease or outline for each element along it.
+///
+/// Limit: twice the 4 functions of a cubic element.
+const PER_ELEMENT: usize = 8;
+
+/// Width of the strip whose area a crease counts for, as a share of the size of an element.
+///
+/// Derived: half of it on each side.
+const CREASE_WIDTH: f64 = 1.0;
+
+/// Share of the way from an edge into the triangles beside it, at which their facet of the mesh is looked up.
+///
+/// Limit: round-off, which may lift a point of an edge off its facet.
+const INTO: f64 = 1e-2;
+
+/// All samples, first those of the area, triangle by triangle, then those of arcs that are sharp or outlines.
+pub(super) fn samples(mesh: &SolidMesh, layout: &QuadLayout, sharp: &[bool], space: &MultiPatchSpace) -> Vec<Sample> {
+    let locator = Locator::new(layout, mesh.diagonal);
+    let part = mesh.area / (PER_CELL * space.n_cells()) as f64;
+    let triangles = 0..mesh.curved.triangles().len();
+    let mut samples: Vec<Sample> =
+        triangles.into_par_iter().flat_map_iter(|triangle| of_triangle(mesh, &locator, triangle, part)).collect();
+    let topology = layout.topology();
+    let size = (mesh.area / space.n_cells() as f64).sqrt();
+    for arc in (0..sharp.len()).filter(|&arc| sharp[arc] || topology.uses(arc).len() == 1) {
+        samples.extend(of_arc(mesh, layout, arc, space.elements(arc) * PER_ELEMENT, CREASE_WIDTH * size));
+    }
+    samples
+}
+
+/// Samples in the middles of equal parts of a triangle, about as large as `part`.
+fn of_triangle(mesh: &SolidMesh, locator: &Locator<'_>, triangle: usize, part: f64) -> Vec<Sample> {
+    let area = mesh.curved.areas()[triangle];
+    if area <= 0.0 {
+        return Vec::new();
+    }
+    let parts = ((area / part).sqrt().ceil() as usize).clamp(1, MOST_PARTS);
+    let (step, normal) = (1.0 / parts as f64, mesh.curved.facet_normal(triangle));
+    let mut samples = Vec::with_capacity(parts * parts);
+    let mut add_at = |a: f64, b: f64| {
+        let w = [a * step, b * step, 1.0 - (a + b) * step];
+        let place = locator.locate(mesh.curved.on_facet(triangle, w), normal).place;
+        let point = mesh.curved.on_curved(triangle, w);
+        samples.push(Sample { point, normal, weight: area * step * step, place, arc: None });
+    };
+    for i in 0..parts {
+        for j in 0..parts - i {
+            add_at(i as f64 + 1.0 / 3.0, j as f64 + 1.0 / 3.0);
+            if i + j + 1 < parts {
+                add_at(i as f64 + 2.0 / 3.0, j as f64 + 2.0 / 3.0);
+            }
+        }
+    }
+    samples
+}
+
+/// `count` samples along an arc, between its ends, together weighing as much as a strip of a width.
+fn of_arc(mesh: &SolidMesh, layout: &QuadLayout, arc: usize, count: usize, width: f64) -> Vec<Sample> {
+    let path: Vec<[f64; 3]> = layout.path(arc).iter().map(|&v| layout.vertices()[v as usize]).collect();
+    let lengths: Vec<f64> = path.windows(2).map(|pair| norm(sub(pair[1], pair[0]))).collect();
+    let total: f64 = lengths.iter().sum();
+    let on = layout.topology().uses(arc)[0];
+    let (mut segment, mut before) = (0, 0.0);
+    let mut samples = Vec::with_capacity(count);
+    for k in 0..=count {
+        let t = k as f64 / count as f64;
+        while segment + 1 < lengths.len() && before + lengths[segment] < t * total {
+            before += lengths[segment];
+            segment += 1;
+        }
+        let share = if lengths[segment] > 0.0 { (t * total - before) / lengths[segment] } else { 0.0 };
+        let point = add(path[segment], scale(share.clamp(0.0, 1.0), sub(path[segment + 1], path[segment])));
+        let beside = layout.beside(arc, segment);
+        let ends = if k == 0 || k == count { 0.5 } else { 1.0 };
+        samples.push(Sample {
+            point: on_crease(mesh, point, &beside),
+            normal: [0.0; 3],
+            weight: ends * total * width / count as f64,
+            place: PatchPlace { patch: on.patch, u: side_point(on.side, if on.reversed { 1.0 - t } else { t }) },
+            arc: Some(arc as u32),
+        });
+    }
+    samples
+}
+
+/// The point of the curved triangles on both sides of a crease, in the mean; `beside` are points inside the layout's triangles there.
+fn on_crease(mesh: &SolidMesh, point: [f64; 3], beside: &[[f64; 3]]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for inner in beside {
+        let near = add(point, scale(INTO, sub(*inner, point)));
+        let triangle = mesh.tree.nearest(near).triangle as usize;
+        let weights = barycentric_in_plane(point, mesh.curved.corners(triangle)).unwrap_or([1.0 / 3.0; 3]);
+        let kept = weights.map(|w| w.max(0.0));
+        let all: f64 = kept.iter().sum();
+        sum = add(sum, mesh.curved.on_curved(triangle, kept.map(|w| w / all)));
+    }
+    if beside.is_empty() { point } else { scale(1.0 / beside.len() as f64, sum) }
+}

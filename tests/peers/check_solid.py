@@ -1,0 +1,280 @@
+#!/usr/bin/env python3
+"""Opens a STEP file with Open CASCADE (package cadquery-ocp) and measures it as a solid against the mesh it was made of.
+
+Usage: check_solid.py MODEL.step MESH [--smooth] [--crease DEGREES] [--json OUT.json] [--open] [--angle-max A] [--within SHARE TOL]
+
+Knows nothing of how the file was made. Printed, and written as JSON, are
+- valid (BRepCheck_Analyzer), solids, free edges, edges of more than two faces, faces, control points of all faces (poles),
+  knots inside faces, largest tolerance, genus by Euler's formula (every edge and vertex counted once), seconds;
+- volume against the mesh's;
+- angles, in degrees, between the oriented normals of the two faces at 21 points of each edge, ends included; edges are smooth
+  unless they lie, at all of these points, within 0.3 % of the diagonal of edges of the mesh that are sharper than --crease;
+- folds: places, of 5 x 5 in each Bezier element, at which the face's oriented normal turns by more than 90 degrees from that of
+  the mesh's nearest facet (of several about as near the one that agrees best);
+- distances by area both ways, in % of the diagonal: of points of the mesh from the solid's fine triangulation, and of points of
+  the faces from the mesh.
+Exits with 1 if the shape is not valid, is not one solid (--open: one shell), has free edges (unless --open), or folds.
+"""
+
+import argparse
+import json
+import sys
+import time
+
+import numpy as np
+import trimesh
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.GeomAbs import GeomAbs_SurfaceType
+from OCP.GProp import GProp_GProps
+from OCP.IFSelect import IFSelect_RetDone
+from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
+from OCP.STEPControl import STEPControl_Reader
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
+from OCP.gp import gp_Pnt, gp_Vec
+from scipy.spatial import cKDTree
+
+PLACES = 21
+FOLDS = 5
+NEAR_CREASE = 0.003
+
+
+def cast(kind):
+    return getattr(TopoDS, kind + "_s", None) or getattr(TopoDS, kind)
+
+
+AS_EDGE, AS_FACE = cast("Edge"), cast("Face")
+
+
+def xyz(point):
+    return np.array([point.X(), point.Y(), point.Z()])
+
+
+def load(path):
+    reader = STEPControl_Reader()
+    if reader.ReadFile(path) != IFSelect_RetDone or reader.TransferRoots() < 1:
+        sys.exit(f"FAILED: {path} cannot be read")
+    return reader.OneShape()
+
+
+def count(shape, kind):
+    found = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, found)
+    return found.Extent()
+
+
+def faces_of(shape):
+    explorer, faces = TopExp_Explorer(shape, TopAbs_FACE), []
+    while explorer.More():
+        faces.append(AS_FACE(explorer.Current()))
+        explorer.Next()
+    return faces
+
+
+def jet(surface, reverse, u, v):
+    """Point and oriented unit normal of a face."""
+    point, du, dv = gp_Pnt(), gp_Vec(), gp_Vec()
+    surface.D1(float(u), float(v), point, du, dv)
+    normal = np.cross(xyz(du), xyz(dv)) * (-1.0 if reverse else 1.0)
+    return xyz(point), normal / max(np.linalg.norm(normal), 1e-300)
+
+
+def edges_with_faces(shape):
+    table = TopTools_IndexedDataMapOfShapeListOfShape()
+    TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, table)
+    for k in range(1, table.Extent() + 1):
+        edge = AS_EDGE(table.FindKey(k))
+        if not BRep_Tool.Degenerated_s(edge):
+            yield edge, [AS_FACE(face) for face in table.FindFromIndex(k)]
+
+
+def edge_angles(edge, faces):
+    """Points along an edge, and angles between the oriented normals of its two faces."""
+    sides = []
+    for face in faces:
+        curve, surface = BRepAdaptor_Curve2d(edge, face), BRepAdaptor_Surface(face, False)
+        parameters = np.linspace(curve.FirstParameter(), curve.LastParameter(), PLACES)
+        places = [curve.Value(float(t)) for t in parameters]
+        reverse = face.Orientation() == TopAbs_REVERSED
+        sides.append([jet(surface, reverse, place.X(), place.Y()) for place in places])
+    angles = [
+        np.degrees(np.arctan2(np.linalg.norm(np.cross(a[1], b[1])), a[1] @ b[1])) for a, b in zip(sides[0], sides[1])
+    ]
+    gap = max(np.linalg.norm(a[0] - b[0]) for a, b in zip(sides[0], sides[1]))
+    return np.array([a[0] for a in sides[0]]), np.array(angles), gap
+
+
+def crease_points(mesh, degrees):
+    """Points along the sharp edges of the mesh, as close to one another as a tenth of the limit."""
+    sharp = np.degrees(mesh.face_adjacency_angles) > degrees
+    ends = mesh.vertices[mesh.face_adjacency_edges[sharp]]
+    step = 0.1 * NEAR_CREASE * mesh.scale
+    points = [a + np.linspace(0, 1, max(2, int(np.linalg.norm(b - a) / step) + 2))[:, None] * (b - a) for a, b in ends]
+    return np.concatenate(points) if points else np.zeros((0, 3))
+
+
+def elements(surface):
+    """Knot spans of a face, in both directions."""
+    if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_BSplineSurface:
+        ends = surface.FirstUParameter(), surface.LastUParameter(), surface.FirstVParameter(), surface.LastVParameter()
+        return np.array(ends[:2]), np.array(ends[2:]), 0
+    spline = surface.BSpline()
+    u = np.array([spline.UKnot(i) for i in range(1, spline.NbUKnots() + 1)])
+    v = np.array([spline.VKnot(i) for i in range(1, spline.NbVKnots() + 1)])
+    return u, v, spline.NbUPoles() * spline.NbVPoles()
+
+
+def sample_faces(faces):
+    """Points, oriented normals and areas at FOLDS x FOLDS places of each Bezier element, and the number of poles."""
+    points, normals, areas, of_face, poles = [], [], [], [], 0
+    inside = np.linspace(1e-3, 1 - 1e-3, FOLDS)
+    for number, face in enumerate(faces):
+        surface = BRepAdaptor_Surface(face, False)
+        reverse = face.Orientation() == TopAbs_REVERSED
+        us, vs, own = elements(surface)
+        poles += own
+        for u0, u1 in zip(us, us[1:]):
+            for v0, v1 in zip(vs, vs[1:]):
+                for s in inside:
+                    for t in inside:
+                        u, v = u0 + s * (u1 - u0), v0 + t * (v1 - v0)
+                        point, du, dv = gp_Pnt(), gp_Vec(), gp_Vec()
+                        surface.D1(float(u), float(v), point, du, dv)
+                        normal = np.cross(xyz(du), xyz(dv)) * (-1.0 if reverse else 1.0)
+                        points.append(xyz(point))
+                        normals.append(normal)
+                        areas.append(np.linalg.norm(normal) * (u1 - u0) * (v1 - v0) / FOLDS**2)
+                        of_face.append(number)
+    return np.array(points), np.array(normals), np.array(areas), np.array(of_face), poles
+
+
+def count_folds(mesh, points, normals, of_face):
+    """Places whose normal turns by more than 90 degrees from all facets that are about as near as the nearest one."""
+    closest, distances, nearest = trimesh.proximity.closest_point(mesh, points)
+    turned = np.einsum("ij,ij->i", normals, mesh.face_normals[nearest]) <= 0
+    folded = []
+    for k in np.flatnonzero(turned):
+        # The nearest point may lie on an edge or a vertex: any facet there may own it.
+        facets = np.array(near_facets(mesh, closest[k]))
+        own = trimesh.triangles.closest_point(mesh.triangles[facets], np.repeat(points[k][None], len(facets), axis=0))
+        as_near = np.linalg.norm(own - points[k], axis=1) <= 1.001 * distances[k] + 1e-6 * mesh.scale
+        if np.all(mesh.face_normals[facets[as_near]] @ normals[k] <= 0):
+            folded.append(of_face[k])
+    return len(folded), len(set(folded)), distances
+
+
+def near_facets(mesh, point):
+    """Facets whose boxes hold a point, but for round-off."""
+    reach = 1e-6 * mesh.scale
+    return list(mesh.triangles_tree.intersection(np.concatenate([point - reach, point + reach])))
+
+
+def triangulate(shape, deflection):
+    BRepMesh_IncrementalMesh(shape, deflection, False, 0.2, True)
+    vertices, triangles, first = [], [], 0
+    for face in faces_of(shape):
+        location = TopLoc_Location()
+        mesh = BRep_Tool.Triangulation_s(face, location)
+        if mesh is None:
+            continue
+        moved = location.Transformation()
+        vertices += [xyz(mesh.Node(i).Transformed(moved)) for i in range(1, mesh.NbNodes() + 1)]
+        flip = face.Orientation() == TopAbs_REVERSED
+        for i in range(1, mesh.NbTriangles() + 1):
+            a, b, c = mesh.Triangle(i).Get()
+            triangles.append([first + k - 1 for k in ((a, c, b) if flip else (a, b, c))])
+        first = len(vertices)
+    return trimesh.Trimesh(np.array(vertices), np.array(triangles), process=False)
+
+
+def by_area(distances, weights):
+    order = np.argsort(distances)
+    summed = np.cumsum(weights[order]) / weights.sum()
+    return {
+        "rms": float(np.sqrt((weights * distances**2).sum() / weights.sum())),
+        "p99": float(distances[order][np.searchsorted(summed, 0.99)]),
+        "max": float(distances.max()),
+        "within_0.3%": float(weights[distances <= 0.3].sum() / weights.sum()),
+    }
+
+
+def measure(path, mesh, crease):
+    start = time.time()
+    shape = load(path)
+    result = {"valid": BRepCheck_Analyzer(shape).IsValid()}
+    for name, kind in (("solids", TopAbs_SOLID), ("shells", TopAbs_SHELL), ("faces", TopAbs_FACE), ("edges", TopAbs_EDGE)):
+        result[name] = count(shape, kind)
+    euler = count(shape, TopAbs_VERTEX) - result["edges"] + result["faces"]
+    result["genus"], result["mesh_genus"] = (2 - euler) / 2, (2 - mesh.euler_number) / 2
+    result["largest_tolerance_%"] = 100 * ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1) / mesh.scale
+
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, properties)
+    result["volume_error_%"] = 100 * (properties.Mass() / mesh.volume - 1)
+
+    creases = crease_points(mesh, crease)
+    tree = None
+    if len(creases):
+        tree = cKDTree(creases)
+    free, many, smooth, at_ends, sharp, gaps = 0, 0, [], [], 0, [0.0]
+    for edge, faces in edges_with_faces(shape):
+        if len(faces) != 2:
+            free, many = free + (len(faces) < 2), many + (len(faces) > 2)
+            continue
+        points, angles, gap = edge_angles(edge, faces)
+        gaps.append(gap)
+        if tree is not None and np.all(tree.query(points)[0] <= NEAR_CREASE * mesh.scale):
+            sharp += 1
+            continue
+        smooth.append(angles)
+        at_ends += [angles[0], angles[-1]]
+    smooth = np.concatenate(smooth) if smooth else np.zeros(1)
+    result |= {"free_edges": free, "edges_of_many": many, "sharp_edges": sharp}
+    result["angle_max"], result["angle_p99"] = float(smooth.max()), float(np.quantile(smooth, 0.99))
+    result["angle_at_vertices"] = float(max(at_ends, default=0.0))
+    result["gap_%"] = 100 * max(gaps) / mesh.scale
+
+    faces = faces_of(shape)
+    points, normals, areas, of_face, result["poles"] = sample_faces(faces)
+    result["folds"], result["folded_faces"], away = count_folds(mesh, points, normals, of_face)
+    result["surface_to_mesh_%"] = by_area(100 * away / mesh.scale, areas)
+
+    fine = triangulate(shape, 2e-5 * mesh.scale)
+    samples, facets = trimesh.sample.sample_surface_even(mesh, 20000, seed=1)
+    away = trimesh.proximity.closest_point(fine, samples)[1]
+    result["mesh_to_surface_%"] = by_area(100 * away / mesh.scale, np.ones(len(away)))
+    result["seconds"] = time.time() - start
+    return result
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("model")
+    parser.add_argument("mesh")
+    parser.add_argument("--crease", type=float, default=40.0, help="angle from which on edges of the mesh are sharp")
+    parser.add_argument("--smooth", action="store_true", help="the mesh has no creases")
+    parser.add_argument("--open", action="store_true", help="an open shell is expected")
+    parser.add_argument("--json", help="file for the figures")
+    options = parser.parse_args()
+    mesh = trimesh.load(options.mesh, process=True, force="mesh")
+    mesh.merge_vertices()
+    result = measure(options.model, mesh, 181.0 if options.smooth else options.crease)
+    text = json.dumps(result, indent=1, default=float)
+    print(text)
+    if options.json:
+        with open(options.json, "w", encoding="utf-8") as out:
+            out.write(text + "\n")
+    whole = result["shells"] == 1 if options.open else result["solids"] == 1 and result["free_edges"] == 0
+    if not (result["valid"] and whole and result["edges_of_many"] == 0 and result["folds"] == 0):
+        sys.exit("FAILED: not one valid solid without free edges and folds")
+
+
+if __name__ == "__main__":
+    main()
