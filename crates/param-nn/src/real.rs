@@ -1,6 +1,8 @@
 //! Numbers and dense products that the networks compute with.
 
 use std::borrow::Cow;
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Sub};
 
 use faer::linalg::matmul::matmul;
 use faer::traits::ComplexField;
@@ -8,7 +10,20 @@ use faer::{Accum, MatMut, MatRef, Par};
 use pulp::{Simd, WithSimd};
 
 /// `f32` for training and inference, `f64` for the proofs of the kernels.
-pub(crate) trait Real: candle_core::WithDType + ComplexField {
+pub(crate) trait Real:
+    ComplexField
+    + Copy
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + AddAssign
+    + MulAssign
+    + Sum
+{
+    fn from_f64(x: f64) -> Self;
+    fn to_f64(self) -> f64;
     fn root(self) -> Self;
 
     /// In single precision.
@@ -16,6 +31,14 @@ pub(crate) trait Real: candle_core::WithDType + ComplexField {
 }
 
 impl Real for f32 {
+    fn from_f64(x: f64) -> Self {
+        x as f32
+    }
+
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+
     fn root(self) -> Self {
         self.sqrt()
     }
@@ -26,6 +49,14 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+
+    fn to_f64(self) -> f64 {
+        self
+    }
+
     fn root(self) -> Self {
         self.sqrt()
     }

@@ -1,6 +1,6 @@
 //! Dependencies between the crates run one way only.
 
-use cargo_metadata::Metadata;
+use cargo_metadata::{Dependency, Metadata};
 
 /// Each crate with the crates that may use it.
 const USED_BY: [(&str, &[&str]); 14] = [
@@ -23,6 +23,10 @@ const USED_BY: [(&str, &[&str]); 14] = [
 /// Packages outside: they may use every crate, and no crate may use them.
 const OUTSIDE: [&str; 3] = ["xtask", "workspace-tests", "workspace-benches"];
 
+/// The crate with the networks and its feature for training, which no crate on the way to the program switches on: it brings a third
+/// of all packages.
+const TRAINING: (&str, &str) = ("param-nn", "candle");
+
 pub(super) fn check(metadata: &Metadata) -> Vec<String> {
     let mut findings = Vec::new();
     for package in metadata.workspace_packages() {
@@ -32,7 +36,12 @@ pub(super) fn check(metadata: &Metadata) -> Vec<String> {
             findings.push(format!("crate {name} stands in folder {}; name the folder after it", folder.unwrap_or("?")));
         }
         let own = package.dependencies.iter().filter(|dependency| dependency.path.is_some());
-        findings.extend(own.filter_map(|dependency| forbidden(name, &dependency.name)));
+        findings.extend(own.clone().filter_map(|dependency| forbidden(name, &dependency.name)));
+        let trains = |d: &&Dependency| d.uses_default_features || d.features.iter().any(|feature| feature == TRAINING.1);
+        if !OUTSIDE.contains(&name) && own.filter(|d| d.name == TRAINING.0).any(|d| trains(&d)) {
+            let (network, feature) = TRAINING;
+            findings.push(format!("crate {name} uses {network} with feature {feature}; the program is built without"));
+        }
     }
     findings
 }

@@ -8,6 +8,7 @@ pub(crate) mod layout;
 pub(crate) mod midpoints;
 pub(crate) mod model;
 pub(crate) mod network;
+#[cfg(feature = "candle")]
 pub(crate) mod op;
 mod symmetry;
 

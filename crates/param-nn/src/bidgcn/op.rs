@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use candle_core::{CpuStorage, CustomOp1, Error, Result, Shape, Tensor};
+use candle_core::{CpuStorage, CustomOp1, Error, Result, Shape, Tensor, WithDType};
 
 use super::layout::Layout;
 use super::network::{Input, Tape, backward, forward};
@@ -23,12 +23,12 @@ impl<T: Real> Network<T> {
     }
 }
 
-fn contiguous<'a, T: Real>(storage: &'a CpuStorage, layout: &candle_core::Layout) -> Result<&'a [T]> {
+fn contiguous<'a, T: Real + WithDType>(storage: &'a CpuStorage, layout: &candle_core::Layout) -> Result<&'a [T]> {
     let (start, end) = layout.contiguous_offsets().ok_or_else(|| Error::msg("the argument is not contiguous"))?;
     Ok(&storage.as_slice::<T>()?[start..end])
 }
 
-impl<T: Real> CustomOp1 for Network<T> {
+impl<T: Real + WithDType> CustomOp1 for Network<T> {
     fn name(&self) -> &'static str {
         "bidgcn"
     }

@@ -1,6 +1,7 @@
 //! PARCNN: parameters of point sequences and grids (Imperatore 2024, §4.1).
 
 mod axes;
+#[cfg(feature = "candle")]
 pub(crate) mod comparison;
 mod curve;
 mod features;
@@ -11,6 +12,7 @@ pub(crate) mod model;
 pub(crate) mod network;
 pub(crate) mod pass;
 
+#[cfg(feature = "candle")]
 pub use comparison::ComparisonNetwork;
 pub(crate) use curve::SplineCurve;
 pub use fit::SplineSpace;
