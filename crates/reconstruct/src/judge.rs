@@ -8,7 +8,7 @@ use fit_ls::{LeastSquares, LocalSmoothing, Weighted};
 use moving_param::{Boundary, Constraints, FootPointOptions, foot_points};
 use ndarray::{ArrayView2, Axis};
 use param_classic::triangulate_parameters;
-use thb_core::{ParameterBox, HierarchicalSpace, Mark, Refinement, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Mark, ParameterBox, Refinement, SplineMap};
 
 use crate::Error;
 

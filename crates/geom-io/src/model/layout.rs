@@ -61,7 +61,7 @@ pub fn parse_layout(bytes: &[u8]) -> Result<LayoutFile, ModelErrorKind> {
     let parsed = parse(bytes).or_else(|error| {
         // Python writes numbers that are none as NaN, which JSON does not know; where numbers count they are still missed.
         let text = String::from_utf8_lossy(bytes);
-        if text.contains(": NaN") { parse(text.replace(": NaN", ": null").as_bytes()) } else { Err(error) }
+        if text.contains("NaN") { parse(text.replace("NaN", "null").as_bytes()) } else { Err(error) }
     });
     parsed.map_err(|error| ModelErrorKind::Json {
         line: error.line(),
