@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Opens a STEP file with Open CASCADE (package cadquery-ocp) and measures it as a solid against the mesh it was made of.
+"""Opens a STEP file with Open CASCADE (packages cadquery-ocp, libigl) and measures it as a solid against the mesh it was made of.
 
 Usage: check_solid.py MODEL.step MESH [--smooth] [--crease DEGREES] [--json OUT.json] [--open] [--angle-max A] [--within SHARE TOL]
 
@@ -21,8 +21,8 @@ import json
 import sys
 import time
 
+import igl
 import numpy as np
-import trimesh
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepCheck import BRepCheck_Analyzer
@@ -33,17 +33,18 @@ from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.ShapeAnalysis import ShapeAnalysis_ShapeTolerance
 from OCP.STEPControl import STEPControl_Reader
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
-from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 from OCP.gp import gp_Pnt, gp_Vec
 from scipy.spatial import cKDTree
 
 PLACES = 21
 FOLDS = 5
 NEAR_CREASE = 0.003
+# Facets that are by this share of the diagonal farther away than the nearest: at creases the wrong side may be the nearest.
+AS_NEAR = 5e-4
 
 
 def cast(kind):
@@ -64,18 +65,32 @@ def load(path):
     return reader.OneShape()
 
 
+def explore(shape, kind):
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
+
+
+def different(shapes):
+    """Shapes with all their occurrences, those that are the same but for orientation together."""
+    buckets = {}
+    for shape in shapes:
+        bucket = buckets.setdefault(hash(shape.Oriented(TopAbs_FORWARD)), [])
+        known = next((entry for entry in bucket if entry[0].IsSame(shape)), None)
+        if known is None:
+            bucket.append((shape, [shape]))
+        else:
+            known[1].append(shape)
+    return [entry for bucket in buckets.values() for entry in bucket]
+
+
 def count(shape, kind):
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, found)
-    return found.Extent()
+    return len(different(explore(shape, kind)))
 
 
 def faces_of(shape):
-    explorer, faces = TopExp_Explorer(shape, TopAbs_FACE), []
-    while explorer.More():
-        faces.append(AS_FACE(explorer.Current()))
-        explorer.Next()
-    return faces
+    return [AS_FACE(face) for face in explore(shape, TopAbs_FACE)]
 
 
 def jet(surface, reverse, u, v):
@@ -87,12 +102,16 @@ def jet(surface, reverse, u, v):
 
 
 def edges_with_faces(shape):
-    table = TopTools_IndexedDataMapOfShapeListOfShape()
-    TopExp.MapShapesAndAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, table)
-    for k in range(1, table.Extent() + 1):
-        edge = AS_EDGE(table.FindKey(k))
-        if not BRep_Tool.Degenerated_s(edge):
-            yield edge, [AS_FACE(face) for face in table.FindFromIndex(k)]
+    """Each edge with the faces that use it, once for each use."""
+    uses, owner = [], {}
+    for face in faces_of(shape):
+        for edge in explore(face, TopAbs_EDGE):
+            uses.append(edge)
+            owner[len(uses) - 1] = face
+    numbers = {id(edge): number for number, edge in enumerate(uses)}
+    for edge, occurrences in different(uses):
+        if not BRep_Tool.Degenerated_s(AS_EDGE(edge)):
+            yield AS_EDGE(edge), [owner[numbers[id(use)]] for use in occurrences]
 
 
 def edge_angles(edge, faces):
@@ -111,11 +130,78 @@ def edge_angles(edge, faces):
     return np.array([a[0] for a in sides[0]]), np.array(angles), gap
 
 
+class Mesh:
+    """Triangles whose vertices in one place are one vertex."""
+
+    def __init__(self, vertices, triangles):
+        self.vertices, places = np.unique(np.round(vertices, 12), axis=0, return_inverse=True)
+        triangles = places.reshape(-1)[triangles]
+        corners = self.vertices[triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        lengths = np.linalg.norm(normals, axis=1)
+        self.triangles, self.areas = triangles[lengths > 0], 0.5 * lengths[lengths > 0]
+        self.normals = normals[lengths > 0] / lengths[lengths > 0][:, None]
+        self.corners = self.vertices[self.triangles]
+        self.diagonal = np.linalg.norm(np.ptp(self.vertices, axis=0))
+        a, b, c = self.corners.transpose(1, 0, 2)
+        self.volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+
+    @classmethod
+    def read(cls, path):
+        if path.endswith(".off"):
+            with open(path, encoding="utf-8") as lines:
+                words = " ".join(line.split("#")[0] for line in lines).replace("OFF", "", 1).split()
+            n, m = int(words[0]), int(words[1])
+            vertices = np.array(words[3 : 3 + 3 * n], dtype=float).reshape(n, 3)
+            triangles, at = [], 3 + 3 * n
+            for _ in range(m):
+                k = int(words[at])
+                face = [int(v) for v in words[at + 1 : at + 1 + k]]
+                triangles += [[face[0], face[i], face[i + 1]] for i in range(1, k - 1)]
+                at += 1 + k
+            return cls(vertices, np.array(triangles))
+        vertices, triangles = igl.read_triangle_mesh(path)
+        return cls(vertices, triangles)
+
+    def edges(self):
+        """The ends of each edge with two facets, and the facets."""
+        ends = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        facets = np.repeat(np.arange(len(self.triangles)), 3)
+        order = np.lexsort(ends.T)
+        ends, facets = ends[order], facets[order]
+        same = np.flatnonzero(np.all(ends[1:] == ends[:-1], axis=1))
+        return ends[same], np.stack([facets[same], facets[same + 1]], axis=1)
+
+    def euler(self):
+        ends = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        return len(np.unique(self.triangles)) - len(np.unique(ends, axis=0)) + len(self.triangles)
+
+    def nearest(self, points):
+        """Distances of points, nearest facets, and nearest points."""
+        squares, facets, nearest = igl.point_mesh_squared_distance(points, self.vertices, self.triangles)
+        return np.sqrt(squares), facets, nearest
+
+    def samples(self, count):
+        """Points spread over the area, with the area that each stands for."""
+        parts = np.clip(np.ceil(np.sqrt(self.areas / (self.areas.sum() / count))).astype(int), 1, 60)
+        points, weights = [], []
+        for (a, b, c), area, k in zip(self.corners, self.areas, parts):
+            i, j = np.meshgrid(np.arange(k), np.arange(k))
+            lower = np.stack([i, j], axis=-1)[i + j < k] + 1 / 3
+            upper = np.stack([i, j], axis=-1)[i + j < k - 1] + 2 / 3
+            w = np.concatenate([lower, upper]) / k
+            points.append(a + w[:, :1] * (b - a) + w[:, 1:] * (c - a))
+            weights.append(np.full(len(w), area / len(w)))
+        return np.concatenate(points), np.concatenate(weights)
+
+
 def crease_points(mesh, degrees):
     """Points along the sharp edges of the mesh, as close to one another as a tenth of the limit."""
-    sharp = np.degrees(mesh.face_adjacency_angles) > degrees
-    ends = mesh.vertices[mesh.face_adjacency_edges[sharp]]
-    step = 0.1 * NEAR_CREASE * mesh.scale
+    ends, facets = mesh.edges()
+    a, b = mesh.normals[facets[:, 0]], mesh.normals[facets[:, 1]]
+    angles = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b)))
+    ends = mesh.vertices[ends[angles > degrees]]
+    step = 0.1 * NEAR_CREASE * mesh.diagonal
     points = [a + np.linspace(0, 1, max(2, int(np.linalg.norm(b - a) / step) + 2))[:, None] * (b - a) for a, b in ends]
     return np.concatenate(points) if points else np.zeros((0, 3))
 
@@ -157,23 +243,21 @@ def sample_faces(faces):
 
 def count_folds(mesh, points, normals, of_face):
     """Places whose normal turns by more than 90 degrees from all facets that are about as near as the nearest one."""
-    closest, distances, nearest = trimesh.proximity.closest_point(mesh, points)
-    turned = np.einsum("ij,ij->i", normals, mesh.face_normals[nearest]) <= 0
+    distances, nearest, _ = mesh.nearest(points)
     folded = []
-    for k in np.flatnonzero(turned):
-        # The nearest point may lie on an edge or a vertex: any facet there may own it.
-        facets = np.array(near_facets(mesh, closest[k]))
-        own = trimesh.triangles.closest_point(mesh.triangles[facets], np.repeat(points[k][None], len(facets), axis=0))
-        as_near = np.linalg.norm(own - points[k], axis=1) <= 1.001 * distances[k] + 1e-6 * mesh.scale
-        if np.all(mesh.face_normals[facets[as_near]] @ normals[k] <= 0):
+    for k in np.flatnonzero(np.einsum("ij,ij->i", normals, mesh.normals[nearest]) <= 0):
+        reach = distances[k] + AS_NEAR * mesh.diagonal
+        boxes = np.stack([mesh.corners.min(axis=1) - reach, mesh.corners.max(axis=1) + reach])
+        near = np.flatnonzero(np.all((points[k] >= boxes[0]) & (points[k] <= boxes[1]), axis=1))
+        near = [
+            facet
+            for facet in near
+            if igl.point_mesh_squared_distance(points[k : k + 1], mesh.vertices, mesh.triangles[facet : facet + 1])[0]
+            <= reach**2
+        ]
+        if np.all(mesh.normals[near] @ normals[k] <= 0):
             folded.append(of_face[k])
     return len(folded), len(set(folded)), distances
-
-
-def near_facets(mesh, point):
-    """Facets whose boxes hold a point, but for round-off."""
-    reach = 1e-6 * mesh.scale
-    return list(mesh.triangles_tree.intersection(np.concatenate([point - reach, point + reach])))
 
 
 def triangulate(shape, deflection):
@@ -191,7 +275,7 @@ def triangulate(shape, deflection):
             a, b, c = mesh.Triangle(i).Get()
             triangles.append([first + k - 1 for k in ((a, c, b) if flip else (a, b, c))])
         first = len(vertices)
-    return trimesh.Trimesh(np.array(vertices), np.array(triangles), process=False)
+    return Mesh(np.array(vertices), np.array(triangles))
 
 
 def by_area(distances, weights):
@@ -212,8 +296,8 @@ def measure(path, mesh, crease):
     for name, kind in (("solids", TopAbs_SOLID), ("shells", TopAbs_SHELL), ("faces", TopAbs_FACE), ("edges", TopAbs_EDGE)):
         result[name] = count(shape, kind)
     euler = count(shape, TopAbs_VERTEX) - result["edges"] + result["faces"]
-    result["genus"], result["mesh_genus"] = (2 - euler) / 2, (2 - mesh.euler_number) / 2
-    result["largest_tolerance_%"] = 100 * ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1) / mesh.scale
+    result["genus"], result["mesh_genus"] = (2 - euler) / 2, (2 - mesh.euler()) / 2
+    result["largest_tolerance_%"] = 100 * ShapeAnalysis_ShapeTolerance().Tolerance(shape, 1) / mesh.diagonal
 
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(shape, properties)
@@ -230,7 +314,7 @@ def measure(path, mesh, crease):
             continue
         points, angles, gap = edge_angles(edge, faces)
         gaps.append(gap)
-        if tree is not None and np.all(tree.query(points)[0] <= NEAR_CREASE * mesh.scale):
+        if tree is not None and np.all(tree.query(points)[0] <= NEAR_CREASE * mesh.diagonal):
             sharp += 1
             continue
         smooth.append(angles)
@@ -239,17 +323,16 @@ def measure(path, mesh, crease):
     result |= {"free_edges": free, "edges_of_many": many, "sharp_edges": sharp}
     result["angle_max"], result["angle_p99"] = float(smooth.max()), float(np.quantile(smooth, 0.99))
     result["angle_at_vertices"] = float(max(at_ends, default=0.0))
-    result["gap_%"] = 100 * max(gaps) / mesh.scale
+    result["gap_%"] = 100 * max(gaps) / mesh.diagonal
 
     faces = faces_of(shape)
     points, normals, areas, of_face, result["poles"] = sample_faces(faces)
     result["folds"], result["folded_faces"], away = count_folds(mesh, points, normals, of_face)
-    result["surface_to_mesh_%"] = by_area(100 * away / mesh.scale, areas)
+    result["surface_to_mesh_%"] = by_area(100 * away / mesh.diagonal, areas)
 
-    fine = triangulate(shape, 2e-5 * mesh.scale)
-    samples, facets = trimesh.sample.sample_surface_even(mesh, 20000, seed=1)
-    away = trimesh.proximity.closest_point(fine, samples)[1]
-    result["mesh_to_surface_%"] = by_area(100 * away / mesh.scale, np.ones(len(away)))
+    fine = triangulate(shape, 2e-5 * mesh.diagonal)
+    samples, weights = mesh.samples(30000)
+    result["mesh_to_surface_%"] = by_area(100 * fine.nearest(samples)[0] / mesh.diagonal, weights)
     result["seconds"] = time.time() - start
     return result
 
@@ -263,8 +346,7 @@ def main():
     parser.add_argument("--open", action="store_true", help="an open shell is expected")
     parser.add_argument("--json", help="file for the figures")
     options = parser.parse_args()
-    mesh = trimesh.load(options.mesh, process=True, force="mesh")
-    mesh.merge_vertices()
+    mesh = Mesh.read(options.mesh)
     result = measure(options.model, mesh, 181.0 if options.smooth else options.crease)
     text = json.dumps(result, indent=1, default=float)
     print(text)

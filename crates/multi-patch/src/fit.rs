@@ -11,7 +11,7 @@ use crate::arc_points::{ArcElement, arc_elements};
 use crate::equations::Solver;
 use crate::feet::follow;
 use crate::samples::{Sample, Samples};
-use crate::terms::{Angles, Data, Kinks, Plates, State, Term};
+use crate::terms::{Angles, Data, FrozenAngles, Kinks, Plates, State, Term};
 use crate::{Error, Options, Surface};
 
 /// Weight of the plates in the first step, and what it is multiplied by from step to step: parameters settle on a stiff surface first.
@@ -211,8 +211,9 @@ impl<'a> Fit<'a> {
             }
             let elements = std::mem::take(&mut self.elements);
             let angles = Angles { elements: &elements, scale };
-            let step = self.step(Some(&angles.frozen(&self.coefficients)), true);
-            let taken = step.map(|step| self.search(&step, &angles));
+            let frozen = angles.frozen(&self.coefficients);
+            let step = self.step(Some(&frozen), true);
+            let taken = step.map(|step| self.search(&step, &frozen));
             self.elements = elements;
             let Some(taken) = taken? else { break };
             self.coefficients = taken;
@@ -222,11 +223,12 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
-    /// The coefficients after the longest of a step, its half, and so on, that lowers the objective.
-    fn search(&self, step: &[f64], angles: &Angles<'_>) -> Option<Vec<f64>> {
+    /// The coefficients after the longest of a step, its half, and so on, that lowers the objective with lengths held: the one that the
+    /// step was made for. Where a fold is left, angles of the whole may grow in a step that undoes it.
+    fn search(&self, step: &[f64], angles: &FrozenAngles<'_>) -> Option<Vec<f64>> {
         let objective = |coefficients: &[f64]| {
             let state = State { space: self.space, coefficients, samples: &self.samples };
-            Data.energy(&state) + self.plates.energy(&state) + angles.energy(coefficients)
+            Data.energy(&state) + self.plates.energy(&state) + angles.energy(&state)
         };
         let before = objective(&self.coefficients);
         let shares = (0..=HALVINGS).map(|halvings| 0.5_f64.powi(halvings as i32));

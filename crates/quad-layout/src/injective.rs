@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use ndarray::Array2;
-use param_classic::{InjectiveParams, MeshMapParams, map_disk, refine_injective};
+use param_classic::{InjectiveParams, MeshMapParams, Rule, Weights, map_disk, refine_injective};
 use point_cloud::vec3::{add, scale};
 use point_cloud::{CornerChoice, DiskMesh, TriangleMesh};
 
@@ -22,7 +22,7 @@ pub(crate) fn folded(patch: &LayoutPatch) -> usize {
     patch.triangles.iter().filter(is_folded).count()
 }
 
-/// Maps a patch with mean-value weights, its sides by their lengths, and evens the map out. Returns it with its points: those of
+/// Maps a patch with mean-value weights, its sides by their lengths (all alike where vertices lie in one place), and evens the map out. Returns it with its points: those of
 /// halved edges come last, and have no vertex of the layout yet. The reason, in words, if it is no disk.
 pub(crate) fn map_anew(
     patch: LayoutPatch,
@@ -35,8 +35,11 @@ pub(crate) fn map_anew(
     let disk = DiskMesh::new(TriangleMesh { vertices: rows, triangles: triangles.clone() });
     let disk = disk.map_err(|error| error.to_string())?;
     let corners = CornerChoice::Given([0, 1, 2, 3].map(|side: usize| sides[side][0]));
-    let params = MeshMapParams { corners, ..MeshMapParams::default() };
-    let mapped = map_disk(&disk, &params).map_err(|error| error.to_string())?;
+    // Vertices in one place have no mean values.
+    let by_shape = MeshMapParams { corners, ..MeshMapParams::default() };
+    let by_neighbours = MeshMapParams { weights: Weights::Uniform, boundary: Rule::Uniform, corners };
+    let mapped = map_disk(&disk, &by_shape).or_else(|_| map_disk(&disk, &by_neighbours));
+    let mapped = mapped.map_err(|error| error.to_string())?;
     let even = InjectiveParams { slide: false, ..InjectiveParams::default() };
     let refined = refine_injective(disk.vertices(), disk.triangles(), mapped.parameters.view(), &even);
     // The map stays as it is where it cannot be made more even.

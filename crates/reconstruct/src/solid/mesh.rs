@@ -54,11 +54,11 @@ impl SolidMesh {
         (0..self.curved.triangles().len()).map(of).sum()
     }
 
-    /// The normal of the facet nearest to a point; of facets about as near the one that agrees best with `like`, since at edges
-    /// several are.
+    /// The normal of the facet nearest to a point; of facets about as near the one that agrees best with `like`, since at creases
+    /// facets of both sides are.
     pub(super) fn outward(&self, point: [f64; 3], like: [f64; 3]) -> [f64; 3] {
         let nearest = self.tree.nearest(point);
-        let radius = AS_NEAR * nearest.squared_distance.sqrt() + LEAST_NEAR * self.diagonal;
+        let radius = nearest.squared_distance.sqrt() + AS_NEAR * self.diagonal;
         let mut best = self.curved.facet_normal(nearest.triangle as usize);
         self.tree.for_each_within(point, radius, |triangle| {
             let normal = self.curved.facet_normal(triangle as usize);
@@ -70,8 +70,7 @@ impl SolidMesh {
     }
 }
 
-/// Facets up to this many times as far away as the nearest count as near, and those within this share of the diagonal.
+/// Facets that are by up to this share of the diagonal farther away than the nearest are about as near.
 ///
-/// Limit: round-off at edges, where two facets are the nearest.
-const AS_NEAR: f64 = 1.001;
-const LEAST_NEAR: f64 = 1e-6;
+/// Limit: at a crease of a right angle the surface, which is some hundredths of a percent off, may be nearer to the wrong side.
+const AS_NEAR: f64 = 5e-4;
