@@ -11,7 +11,7 @@ use crate::arc_points::{ArcElement, arc_elements};
 use crate::equations::Solver;
 use crate::feet::follow;
 use crate::samples::{Sample, Samples};
-use crate::terms::{Angles, Data, FrozenAngles, Kinks, Plates, State, Term};
+use crate::terms::{Angles, Data, Kinks, Plates, State, Term};
 use crate::{Error, Options, Surface};
 
 /// Weight of the plates in the first step, and what it is multiplied by from step to step: parameters settle on a stiff surface first.
@@ -146,15 +146,13 @@ impl<'a> Fit<'a> {
         Ok(SplineMap::new(Arc::clone(self.space), values)?)
     }
 
-    /// The step of the sum of data, plates and `third`.
-    fn step(&mut self, third: Option<&dyn Term>, is_coupled: bool) -> Result<Vec<f64>, Error> {
+    /// The step of the sum of data, plates and `further` terms.
+    fn step(&mut self, further: &[&dyn Term], is_coupled: bool) -> Result<Vec<f64>, Error> {
         let mut equations = self.solver.equations(is_coupled)?;
         let state = State { space: self.space, coefficients: &self.coefficients, samples: &self.samples };
         Data.linearize(&state, &mut equations);
         self.plates.linearize(&state, &mut equations);
-        if let Some(third) = third {
-            third.linearize(&state, &mut equations);
-        }
+        further.iter().for_each(|term| term.linearize(&state, &mut equations));
         self.solver.solve(equations)
     }
 
@@ -179,8 +177,9 @@ impl<'a> Fit<'a> {
 
     /// μ falls to what is asked for, with the vector form of the angle term but for the first step, which has no surface yet.
     fn first_stage(&mut self, options: &Options) -> Result<(), Error> {
-        let mut plates = FIRST_PLATES.max(options.plates);
-        let smoothness = KINKS_SHARE * options.smoothness.min(1.0);
+        let mut plates = env("P0",FIRST_PLATES).max(options.plates);
+        let smoothness = env("K",KINKS_SHARE) * options.smoothness.min(1.0);
+        let mut rep=0.0;
         loop {
             self.set_plates(plates);
             let elements = std::mem::take(&mut self.elements);
@@ -188,16 +187,18 @@ impl<'a> Fit<'a> {
             let is_first = self.steps.is_empty();
             let step = {
                 let kinks = (!is_first && scale > 0.0).then(|| Kinks::frozen(&elements, scale, &self.coefficients));
-                self.step(kinks.as_ref().map(|kinks| kinks as &dyn Term), false)
+                let further: Vec<&dyn Term> = kinks.iter().map(|kinks| kinks as &dyn Term).collect();
+                self.step(&further, false)
             };
             self.elements = elements;
             self.coefficients = self.moved(&step?, 1.0);
             self.note(plates, if is_first { 0.0 } else { smoothness });
             self.follow()?;
-            if plates <= options.plates && !is_first {
+            if plates <= options.plates && !is_first && rep+1.0>=env("R",1.0) {
                 return Ok(());
             }
-            plates = (plates * PLATES_FACTOR).max(options.plates);
+            rep+=1.0; if rep<env("R",1.0) && !is_first {continue;} rep=0.0;
+            plates = (plates * env("F",PLATES_FACTOR)).max(options.plates);
         }
     }
 
@@ -205,15 +206,17 @@ impl<'a> Fit<'a> {
     fn second_stage(&mut self, options: &Options) -> Result<(), Error> {
         self.set_plates(options.plates);
         let scale = options.smoothness * options.smoothness * self.unit_of_angles;
-        for _ in 0..options.angle_steps {
+        for _ in 0..env("G",options.angle_steps as f64) as usize {
             if scale == 0.0 {
                 break;
             }
             let elements = std::mem::take(&mut self.elements);
             let angles = Angles { elements: &elements, scale };
             let frozen = angles.frozen(&self.coefficients);
-            let step = self.step(Some(&frozen), true);
-            let taken = step.map(|step| self.search(&step, &frozen));
+            let held = Kinks::frozen(&elements, env("KAPPA", 0.1) * scale, &self.coefficients);
+            let terms: [&dyn Term; 2] = [&frozen, &held];
+            let step = self.step(&terms, true);
+            let taken = step.map(|step| self.search(&step, &terms));
             self.elements = elements;
             let Some(taken) = taken? else { break };
             self.coefficients = taken;
@@ -225,10 +228,11 @@ impl<'a> Fit<'a> {
 
     /// The coefficients after the longest of a step, its half, and so on, that lowers the objective with lengths held: the one that the
     /// step was made for. Where a fold is left, angles of the whole may grow in a step that undoes it.
-    fn search(&self, step: &[f64], angles: &FrozenAngles<'_>) -> Option<Vec<f64>> {
+    fn search(&self, step: &[f64], further: &[&dyn Term]) -> Option<Vec<f64>> {
         let objective = |coefficients: &[f64]| {
             let state = State { space: self.space, coefficients, samples: &self.samples };
-            Data.energy(&state) + self.plates.energy(&state) + angles.energy(&state)
+            let further: f64 = further.iter().map(|term| term.energy(&state)).sum();
+            Data.energy(&state) + self.plates.energy(&state) + further
         };
         let before = objective(&self.coefficients);
         let shares = (0..=HALVINGS).map(|halvings| 0.5_f64.powi(halvings as i32));
@@ -247,3 +251,5 @@ impl<'a> Fit<'a> {
         Ok(Fitted { surface, samples, distances, steps })
     }
 }
+
+pub(crate) fn env(name:&str,default:f64)->f64{ std::env::var(name).ok().and_then(|x|x.parse().ok()).unwrap_or(default)}

@@ -8,7 +8,7 @@ mod plates;
 
 use thb_core::MultiPatchSpace;
 
-pub(crate) use angles::{Angles, FrozenAngles, Kinks};
+pub(crate) use angles::{Angles, Kinks};
 pub(crate) use data::Data;
 pub(crate) use plates::Plates;
 

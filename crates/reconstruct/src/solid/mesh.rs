@@ -45,6 +45,19 @@ impl SolidMesh {
         Ok(Self { tree: TriangleTree::new(&corners), curved, area, diagonal, bounds })
     }
 
+    /// The distance of a point from what the mesh stands for: none between a facet and the curved triangle over it.
+    pub(super) fn distance(&self, point: [f64; 3]) -> f64 {
+        let nearest = self.tree.nearest(point);
+        let (triangle, w) = (nearest.triangle as usize, nearest.barycentric);
+        let height = dot(sub(point, self.curved.on_facet(triangle, w)), self.curved.facet_normal(triangle));
+        let sagitta = self.curved.sagitta(triangle, w);
+        let to_curved = norm(sub(point, self.curved.on_curved(triangle, w)));
+        let is_between = height * sagitta >= 0.0 && height.abs() <= sagitta.abs();
+        // A facet is looked at from above; from beside it nothing lies between.
+        let beside = (nearest.squared_distance - height * height).max(0.0).sqrt();
+        if is_between { beside } else { nearest.squared_distance.sqrt().min(to_curved) }
+    }
+
     /// The volume that the triangles enclose, if they are closed.
     pub(super) fn volume(&self) -> f64 {
         let of = |t: usize| {

@@ -38,7 +38,7 @@ pub struct SolidReport {
     pub tolerance: f64,
     /// Distances of the mesh, on its curved triangles, from the surface.
     pub mesh_to_surface: SolidDistances,
-    /// Distances of the surface from the mesh's facets.
+    /// Distances of the surface from the mesh; between a facet and the curved triangle over it there is none.
     pub surface_to_mesh: SolidDistances,
     /// Angles between neighbouring faces along smooth arcs, in degrees.
     pub angles: AngleReport,
@@ -244,7 +244,7 @@ fn distances_to(mesh: &SolidMesh, surface: &Surface) -> Vec<(f64, f64)> {
             let u: [f64; 2] = std::array::from_fn(|d| lower[d] + step[d] * (upper[d] - lower[d]));
             let jet = bezier.jet(cell, u);
             let size = (upper[0] - lower[0]) * (upper[1] - lower[1]) / (PLACES * PLACES) as f64;
-            let distance = mesh.tree.nearest(jet.value).squared_distance.sqrt();
+            let distance = mesh.distance(jet.value);
             (distance, size * norm(cross(jet.first[0], jet.first[1])))
         };
         (0..PLACES * PLACES).map(place).collect::<Vec<_>>()

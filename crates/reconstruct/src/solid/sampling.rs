@@ -2,7 +2,7 @@
 
 use multi_patch::Sample;
 use point_cloud::barycentric_in_plane;
-use point_cloud::vec3::{add, norm, scale, sub};
+use point_cloud::vec3::{add, dot, norm, scale, sub};
 use quad_layout::{Locator, QuadLayout};
 use rayon::prelude::*;
 use thb_core::{CellSpace, MultiPatchSpace, PatchPlace, side_point};
@@ -44,7 +44,7 @@ pub(super) fn samples(mesh: &SolidMesh, layout: &QuadLayout, sharp: &[bool], spa
     let topology = layout.topology();
     let size = (mesh.area / space.n_cells() as f64).sqrt();
     for arc in (0..sharp.len()).filter(|&arc| sharp[arc] || topology.uses(arc).len() == 1) {
-        samples.extend(of_arc(mesh, layout, arc, space.elements(arc) * PER_ELEMENT, CREASE_WIDTH * size));
+        samples.extend(of_arc(mesh, layout, arc, space.elements(arc) * PER_ELEMENT, std::env::var("W").ok().and_then(|x|x.parse().ok()).unwrap_or(CREASE_WIDTH) * size));
     }
     samples
 }
@@ -104,16 +104,33 @@ fn of_arc(mesh: &SolidMesh, layout: &QuadLayout, arc: usize, count: usize, width
     samples
 }
 
-/// The point of the curved triangles on both sides of a crease, in the mean; `beside` are points inside the layout's triangles there.
+/// The point near `point`, on a crease of the facets, where the curved triangles of both sides meet: the nearest one at which
+/// each is as high over its facet as it is at the crease. Beside a plane that is a point of the plane, and of the curved triangle. `beside`
+/// are points inside the layout's triangles on both sides, or on the one of an outline.
 fn on_crease(mesh: &SolidMesh, point: [f64; 3], beside: &[[f64; 3]]) -> [f64; 3] {
-    let mut sum = [0.0; 3];
+    let mut sides = Vec::with_capacity(2);
     for inner in beside {
         let near = add(point, scale(INTO, sub(*inner, point)));
         let triangle = mesh.tree.nearest(near).triangle as usize;
         let weights = barycentric_in_plane(point, mesh.curved.corners(triangle)).unwrap_or([1.0 / 3.0; 3]);
         let kept = weights.map(|w| w.max(0.0));
         let all: f64 = kept.iter().sum();
-        sum = add(sum, mesh.curved.on_curved(triangle, kept.map(|w| w / all)));
+        let curved = mesh.curved.on_curved(triangle, kept.map(|w| w / all));
+        let normal = mesh.curved.facet_normal(triangle);
+        sides.push((normal, dot(sub(curved, point), normal), curved));
     }
-    if beside.is_empty() { point } else { scale(1.0 / beside.len() as f64, sum) }
+    match sides[..] {
+        [(n, a, _), (m, b, _)] if dot(n, m).abs() < NEARLY_PARALLEL => {
+            // The shortest d with n·d = a and m·d = b.
+            let c = dot(n, m);
+            let factor = 1.0 / (1.0 - c * c);
+            add(point, add(scale(factor * (a - c * b), n), scale(factor * (b - c * a), m)))
+        }
+        [(.., p), (.., q)] => scale(0.5, add(p, q)),
+        [(.., p)] => p,
+        _ => point,
+    }
 }
+
+/// Cosine of the angle between facets from which on their heights fix no point: the mean of the curved triangles is taken.
+const NEARLY_PARALLEL: f64 = 0.95;
