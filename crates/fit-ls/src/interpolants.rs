@@ -23,7 +23,7 @@
 use std::sync::Arc;
 
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
-use thb_core::{ParameterBox, KnotVector, SplineMap};
+use thb_core::{KnotVector, ParameterBox, SplineMap};
 
 use crate::Error;
 

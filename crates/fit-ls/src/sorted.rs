@@ -2,7 +2,7 @@
 
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use rayon::prelude::*;
-use thb_core::{ParameterBox, HierarchicalSpace};
+use thb_core::{HierarchicalSpace, ParameterBox};
 
 use crate::Error;
 

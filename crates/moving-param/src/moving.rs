@@ -6,7 +6,7 @@ use std::time::Instant;
 use adaptive::{Deviation, Estimate, Solution, Solve};
 use fit_ls::{LeastSquares, SortedPoints, Weighted};
 use ndarray::{Array2, ArrayView1, ArrayView2};
-use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
+use thb_core::{HierarchicalSpace, ParameterBox, SplineMap};
 
 use crate::driver::StepWatch;
 use crate::methods::square_map::SquareMap;

@@ -2,7 +2,7 @@
 
 use fit_ls::SortedPoints;
 use rayon::prelude::*;
-use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
+use thb_core::{HierarchicalSpace, ParameterBox, SplineMap};
 
 use crate::Error;
 use crate::points::frame::{Frame, frames_into};

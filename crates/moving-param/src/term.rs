@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
+use thb_core::{HierarchicalSpace, ParameterBox, SplineMap};
 
 use crate::Error;
 use crate::equations::{Equations, Linearization};

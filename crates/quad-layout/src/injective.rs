@@ -94,14 +94,8 @@ mod tests {
     /// The edge from 0 to 2 cuts off the triangle under it: a map by weights alone would press it flat onto the lower side.
     #[test]
     fn an_ear_gets_an_area() {
-        let points = vec![
-            [0.0, 0.0, 0.0],
-            [0.5, -0.2, 0.0],
-            [1.0, 0.0, 0.0],
-            [1.0, 1.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [0.5, 0.6, 0.3],
-        ];
+        let points =
+            vec![[0.0, 0.0, 0.0], [0.5, -0.2, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.6, 0.3]];
         let triangles = vec![[0, 1, 2], [0, 2, 5], [2, 3, 5], [3, 4, 5], [4, 0, 5]];
         let patch = LayoutPatch { triangles, vertices: (10..16).collect(), uv: vec![[0.0; 2]; 6] };
         let sides = [vec![0, 1, 2], vec![2, 3], vec![3, 4], vec![4, 0]];

@@ -4,7 +4,7 @@ use ndarray::{Array1, Array2};
 use point_cloud::{BoundingBox, TriangleMesh};
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
-use thb_core::{SplineMap};
+use thb_core::SplineMap;
 
 use crate::{Error, Fit};
 

@@ -5,7 +5,7 @@ use std::fmt;
 use ndarray::Array2;
 use rayon::prelude::*;
 use serde::Serialize;
-use thb_core::{SplineMap};
+use thb_core::SplineMap;
 
 use crate::Error;
 

@@ -9,7 +9,7 @@ use fit_ls::LocalSmoothing;
 use geom_io::TakenColumn;
 use moving_param::Moves;
 use serde::Serialize;
-use thb_core::{SplineMap};
+use thb_core::SplineMap;
 
 use crate::auto::Tried;
 use crate::methods::QuasiReport;

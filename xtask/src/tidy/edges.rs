@@ -4,13 +4,29 @@ use cargo_metadata::{Dependency, Metadata};
 
 /// Each crate with the crates that may use it.
 const USED_BY: [(&str, &[&str]); 14] = [
-    ("thb-core", &["adaptive", "fit-ls", "fit-qi", "moving-param", "multi-patch", "deviation", "quad-layout", "geom-io", "reconstruct"]),
+    (
+        "thb-core",
+        &[
+            "adaptive",
+            "fit-ls",
+            "fit-qi",
+            "moving-param",
+            "multi-patch",
+            "deviation",
+            "quad-layout",
+            "geom-io",
+            "reconstruct",
+        ],
+    ),
     ("adaptive", &["fit-ls", "fit-qi", "moving-param", "reconstruct"]),
     ("fit-ls", &["fit-qi", "moving-param", "multi-patch", "reconstruct"]),
     ("fit-qi", &["moving-param", "reconstruct"]),
     ("moving-param", &["reconstruct"]),
     ("multi-patch", &["reconstruct"]),
-    ("point-cloud", &["param-classic", "param-nn", "multi-patch", "quad-layout", "deviation", "geom-io", "reconstruct"]),
+    (
+        "point-cloud",
+        &["param-classic", "param-nn", "multi-patch", "quad-layout", "deviation", "geom-io", "reconstruct"],
+    ),
     ("param-classic", &["param-nn", "quad-layout", "reconstruct"]),
     ("quad-layout", &["reconstruct"]),
     ("param-nn", &["reconstruct"]),
@@ -37,7 +53,8 @@ pub(super) fn check(metadata: &Metadata) -> Vec<String> {
         }
         let own = package.dependencies.iter().filter(|dependency| dependency.path.is_some());
         findings.extend(own.clone().filter_map(|dependency| forbidden(name, &dependency.name)));
-        let trains = |d: &&Dependency| d.uses_default_features || d.features.iter().any(|feature| feature == TRAINING.1);
+        let trains =
+            |d: &&Dependency| d.uses_default_features || d.features.iter().any(|feature| feature == TRAINING.1);
         if !OUTSIDE.contains(&name) && own.filter(|d| d.name == TRAINING.0).any(|d| trains(&d)) {
             let (network, feature) = TRAINING;
             findings.push(format!("crate {name} uses {network} with feature {feature}; the program is built without"));

@@ -12,7 +12,7 @@ use faer::{MatMut, Par};
 use fit_ls::{Cholesky, FactorizationError, NormalEquations, SortedPoints};
 use ndarray::Array2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, ParameterBox, HierarchicalSpace, KnotVector, SplineMap, bernstein};
+use thb_core::{CellSpace, HierarchicalSpace, KnotVector, ParameterBox, SplineMap, bernstein};
 
 use crate::damping::{Damping, DampingRule};
 use crate::driver::{Limits, StepProblem, minimize};

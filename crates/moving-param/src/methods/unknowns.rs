@@ -3,7 +3,7 @@
 use fit_ls::SortedPoints;
 use ndarray::Array2;
 use rayon::prelude::*;
-use thb_core::{CellSpace, ParameterBox, HierarchicalSpace, MAX_DEGREE, SplineMap, SymmetricPattern, bernstein};
+use thb_core::{CellSpace, HierarchicalSpace, MAX_DEGREE, ParameterBox, SplineMap, SymmetricPattern, bernstein};
 
 use crate::Error;
 use crate::equations::{Equations, PointBlock};

@@ -4,7 +4,7 @@ use fit_ls::SortedPoints;
 use ndarray::Array2;
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
-use thb_core::{BezierMap, ParameterBox, ClosestPoints, HierarchicalSpace, SplineMap};
+use thb_core::{BezierMap, ClosestPoints, HierarchicalSpace, ParameterBox, SplineMap};
 
 use crate::Error;
 use crate::equations::{PointBlock, Spring};

@@ -2,7 +2,7 @@
 
 use fit_ls::SortedPoints;
 use ndarray::Array2;
-use thb_core::{HierarchicalSpace};
+use thb_core::HierarchicalSpace;
 
 use crate::Error;
 

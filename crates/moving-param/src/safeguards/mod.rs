@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use ndarray::Array2;
-use thb_core::{ParameterBox, HierarchicalSpace, SplineMap};
+use thb_core::{HierarchicalSpace, ParameterBox, SplineMap};
 
 use crate::Error;
 use crate::state::State;

@@ -1,6 +1,6 @@
 //! Cells of a surface that would turn over.
 
-use thb_core::{CellSpace, ParameterBox, HierarchicalSpace, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, ParameterBox, SplineMap};
 
 use crate::Error;
 use crate::safeguards::{Admission, CoefficientStep, Safeguard};

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fit_ls::{BlockEquations, SortedPoints};
 use ndarray::{Array1, Array2};
 use thb_core::{
-    ParameterBox, HierarchicalSpace, Kind, KnotVector, Quadrature, Refinement, SplineMap, SymmetricMatrix,
+    HierarchicalSpace, Kind, KnotVector, ParameterBox, Quadrature, Refinement, SplineMap, SymmetricMatrix,
     SymmetricPattern, TensorSpace, ThinPlate,
 };
 

@@ -9,7 +9,7 @@ use moving_param::{
     Error, JointOptions, Linearization, Method, MovingFit, Options, Spring, State, Step, StepStart, StepWatch, Term,
 };
 use ndarray::Array2;
-use thb_core::{ParameterBox, HierarchicalSpace, Kind, KnotVector, SplineMap};
+use thb_core::{HierarchicalSpace, Kind, KnotVector, ParameterBox, SplineMap};
 
 /// `½ κ |s(u) − q|²`: the map should meet a place at a parameter.
 #[derive(Debug)]

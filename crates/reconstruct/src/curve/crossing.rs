@@ -2,7 +2,7 @@
 
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
-use thb_core::{SplineMap};
+use thb_core::SplineMap;
 
 use crate::Error;
 

@@ -26,8 +26,8 @@ const PER_ELEMENT: usize = 8;
 
 /// Width of the strip whose area a crease counts for, as a share of the size of an element.
 ///
-/// Derived: half of it on each side.
-const CREASE_WIDTH: f64 = 1.0;
+/// Calibrated: on a layout of a mechanical part with 70 creases. With 1 more faces fold at short arcs, with 0.05 creases are less exact.
+const CREASE_WIDTH: f64 = 0.2;
 
 /// Share of the way from an edge into the triangles beside it, at which their facet of the mesh is looked up.
 ///
@@ -44,7 +44,7 @@ pub(super) fn samples(mesh: &SolidMesh, layout: &QuadLayout, sharp: &[bool], spa
     let topology = layout.topology();
     let size = (mesh.area / space.n_cells() as f64).sqrt();
     for arc in (0..sharp.len()).filter(|&arc| sharp[arc] || topology.uses(arc).len() == 1) {
-        samples.extend(of_arc(mesh, layout, arc, space.elements(arc) * PER_ELEMENT, std::env::var("W").ok().and_then(|x|x.parse().ok()).unwrap_or(CREASE_WIDTH) * size));
+        samples.extend(of_arc(mesh, layout, arc, space.elements(arc) * PER_ELEMENT, CREASE_WIDTH * size));
     }
     samples
 }

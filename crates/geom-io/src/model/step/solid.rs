@@ -6,6 +6,7 @@
 
 use std::io::{self, Write};
 use std::path::Path;
+use std::sync::Arc;
 
 use ndarray::ArrayView2;
 use thb_core::{CellSpace, MultiPatchSpace, SplineMap, TensorSpace};
@@ -63,7 +64,7 @@ impl SolidFile {
         }
         let mut faces = Vec::with_capacity(space.n_patches());
         for (patch, sides) in topology.patches().iter().enumerate() {
-            let surface: SplineMap<2, TensorSpace<2>> = space.patch_map(patch, coefficients)?.tensor_product()?;
+            let surface = tensor_product(&space.patch_map(patch, coefficients)?)?;
             let boundary = sides.iter().map(|side| (side.arc as usize, !side.reversed)).collect();
             faces.push(Face { surface, closed: [false; 2], boundary, holes: Vec::new() });
         }
@@ -108,6 +109,16 @@ impl SolidFile {
         file.entity(format_args!("SHAPE_DEFINITION_REPRESENTATION({definition},{shape})"))?;
         document::end(file)
     }
+}
+
+/// The tensor-product form of a patch. One level has it already, and keeps its control points to the last bit.
+fn tensor_product(patch: &SplineMap<2>) -> Result<SplineMap<2, TensorSpace<2>>, ModelErrorKind> {
+    let own = patch.space();
+    if own.n_levels() > 1 {
+        return Ok(patch.tensor_product()?);
+    }
+    let space = TensorSpace::new([own.knots(0, 0)?.clone(), own.knots(0, 1)?.clone()])?;
+    Ok(SplineMap::new(Arc::new(space), patch.coefficients().to_owned())?)
 }
 
 /// The curve of an arc, from its start to its end.
