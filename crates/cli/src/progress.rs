@@ -46,6 +46,11 @@ impl Progress {
         }
     }
 
+    /// Prints a line above the bar, on a terminal.
+    pub(crate) fn println(&self, line: String) {
+        self.bar.println(line);
+    }
+
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }

@@ -1,6 +1,6 @@
 //! Whole parts: what is typed for them, and what is said of them.
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ pub(crate) struct SolidArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) layout: Option<PathBuf>,
     /// Weight of smooth joins between faces against distances: 1, 3 for finer ones, or off.
-    #[arg(long, value_name = "OMEGA", default_value_t = Smoothness::Weight(1.0), requires = "layout")]
+    #[arg(long, value_name = "OMEGA", default_value_t = Smoothness::Weight(1.0), allow_hyphen_values = true, requires = "layout")]
     pub(crate) smoothness: Smoothness,
     /// Angle, in degrees, from which on a layout's arc along an edge of the mesh stays sharp; or off, for none.
     #[arg(long, value_name = "ANGLE", default_value_t = SolidOptions::of_layout(PathBuf::new()).sharp, requires = "layout")]
@@ -40,13 +40,17 @@ pub(crate) fn fit(args: &FitArgs, options: &SolidOptions) -> anyhow::Result<u8> 
         ControlFlow::Continue(())
     };
     let fitted = reconstruct::fit_solid_file(input, options, &mut watch);
+    let fitted = fitted.inspect(|fitted| progress.println(summary(input, fitted)));
     progress.finish();
     let fitted = fitted?;
     reconstruct::write_solid_outputs(&fitted, &args.outputs, args.report.as_deref())?;
+    // On a terminal the line stands there already.
+    if !fitted.reached() && !io::stderr().is_terminal() {
+        complain(&summary(input, &fitted));
+    }
     if !args.quiet {
         fitted.report.reasons.iter().for_each(|reason| complain(&progress::named(input, &reason.to_string())));
     }
-    writeln!(io::stdout().lock(), "{}", summary(input, &fitted))?;
     Ok(if fitted.reached() { 0 } else { TOLERANCE_NOT_REACHED })
 }
 

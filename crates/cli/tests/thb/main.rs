@@ -17,5 +17,6 @@ mod pieces;
 mod results;
 mod reweighting;
 mod scans;
+mod solids;
 mod unasked;
 mod usage;
