@@ -1,6 +1,6 @@
 //! The equations of a step: what the terms add up to, and their solution.
 
-use fit_ls::Cholesky;
+use fit_ls::{Cholesky, FactorizationError};
 use ndarray::Array2;
 use thb_core::{SymmetricMatrix, SymmetricPattern};
 
@@ -61,9 +61,9 @@ impl Solver {
     pub(crate) fn solve(&mut self, equations: Equations) -> Result<Vec<f64>, Error> {
         let n = self.alike.pattern().n();
         let failed = |cause| Error::Solve { functions: n, cause };
-        let Equations { alike, coupled, right } = equations;
+        let Equations { mut alike, coupled, right } = equations;
         let (Some(coupled), Some(cholesky)) = (coupled, &mut self.coupled) else {
-            self.alike.factorize(&alike).map_err(failed)?;
+            factorize(&mut self.alike, &mut alike).map_err(failed)?;
             let right = Array2::from_shape_fn((n, 3), |(i, k)| right[3 * i + k]);
             return Ok(self.alike.solve(&right).map_err(failed)?.into_iter().collect());
         };
@@ -71,8 +71,30 @@ impl Solver {
         let parts = [alike.clone(), none.clone(), none.clone(), alike.clone(), none, alike];
         let mut matrix = SymmetricMatrix::from_blocks(cholesky.pattern(), &parts, 3)?;
         matrix.values_mut().iter_mut().zip(coupled.values()).for_each(|(a, b)| *a += b);
-        cholesky.factorize(&matrix).map_err(failed)?;
+        factorize(cholesky, &mut matrix).map_err(failed)?;
         let right = Array2::from_shape_fn((3 * n, 1), |(i, _)| right[i]);
         Ok(cholesky.solve(&right).map_err(failed)?.into_iter().collect())
     }
+}
+
+/// Shares of the diagonal that are added to it, one after the other, where a matrix is not positive definite.
+///
+/// Limit: round-off, at corners where weights of the angle term are 10⁶ times those of others. A step is shortened by it, and the point at
+/// which steps vanish is the same. What the last one does not help has no unique solution.
+const DAMPING: [f64; 2] = [1e-12, 1e-10];
+
+fn factorize(cholesky: &mut Cholesky, matrix: &mut SymmetricMatrix) -> Result<(), FactorizationError> {
+    let mut result = cholesky.factorize(matrix);
+    for share in DAMPING {
+        if result != Err(FactorizationError::NotPositiveDefinite) {
+            break;
+        }
+        tracing::debug!(share, "damped");
+        let pattern = matrix.pattern().clone();
+        // The diagonal opens each column of the lower triangle.
+        let diagonal = pattern.columns()[..pattern.n()].iter();
+        diagonal.for_each(|&place| matrix.values_mut()[place] *= 1.0 + share);
+        result = cholesky.factorize(matrix);
+    }
+    result
 }
