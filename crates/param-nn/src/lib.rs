@@ -34,8 +34,7 @@ pub use gridded::{GriddedCloud, GriddedSpec, Shape};
 #[cfg(feature = "candle")]
 pub use parcnn::ComparisonNetwork;
 pub use parcnn::{
-    Architecture, Form, LARGEST_GRID, Parcnn, SHIPPED_FORM, SplineSpace, grid_parameters,
-    sequence_parameters,
+    Architecture, Form, LARGEST_GRID, Parcnn, SHIPPED_FORM, SplineSpace, grid_parameters, sequence_parameters,
 };
 pub use pargcn::{Pargcn, PargcnForm, PargcnOptions};
 pub use synthetic::{ControlPoints, ScatteredCloud, ScatteredSpec, stream};

@@ -35,7 +35,8 @@ pub(super) fn check(metadata: &Metadata) -> Vec<String> {
         }
         let own = package.dependencies.iter().filter(|dependency| dependency.path.is_some());
         findings.extend(own.clone().filter_map(|dependency| forbidden(name, &dependency.name)));
-        let trains = |d: &&Dependency| d.uses_default_features || d.features.iter().any(|feature| feature == TRAINING.1);
+        let trains =
+            |d: &&Dependency| d.uses_default_features || d.features.iter().any(|feature| feature == TRAINING.1);
         if !OUTSIDE.contains(&name) && own.filter(|d| d.name == TRAINING.0).any(|d| trains(&d)) {
             let (network, feature) = TRAINING;
             findings.push(format!("crate {name} uses {network} with feature {feature}; the program is built without"));
