@@ -37,7 +37,7 @@ sys.dont_write_bytecode = True
 
 from meter.crossings import self_crossings
 from meter.judge import judge_cloud, judge_mesh
-from meter.scans import FORMATS, read_scan
+from meter.scans import FORMATS, largest_piece, read_scan
 from meter.surface import read_surface
 
 # Largest chord, in tolerances.
@@ -110,8 +110,13 @@ def main():
     parser.add_argument("--samples", type=int, default=SAMPLES)
     parser.add_argument("--triangles", type=int, default=MOST_TRIANGLES)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--largest-piece", action="store_true", help="measure against the largest piece of a mesh alone")
     options = parser.parse_args()
     points, triangles = read_scan(options.scan, options.scan_format, options.columns and options.columns.split(","))
+    if options.largest_piece and triangles is not None:
+        triangles = largest_piece(points, triangles)
+        used = np.unique(triangles)
+        points, triangles = points[used], np.searchsorted(used, triangles)
     tolerance = options.tol
     if tolerance.endswith("%"):
         tolerance = float(tolerance[:-1]) / 100 * np.linalg.norm(np.ptp(points, axis=0))

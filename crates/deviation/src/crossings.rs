@@ -495,13 +495,16 @@ impl Crossings {
     }
 }
 
-/// Whether triangles of a scan within `radius` of a place pass through one another: then a surface that lies on the scan does, too.
-/// `triangles` name `points`; those that name points that are not there are left out.
+/// Whether triangles of a scan within `radius` and their own size of a place pass through one another: then a surface that lies on the
+/// scan does, too; where it does so is known up to the spacing of the points. `triangles` name `points`; those that name points that are
+/// not there are left out.
 fn scan_crosses_near(points: &[[f64; 3]], triangles: &[[u32; 3]], place: [f64; 3], radius: f64) -> bool {
     let near = |t: &&[u32; 3]| {
-        t.iter().all(|&v| (v as usize) < points.len())
-            && Extent::of(&t.map(|v| points[v as usize]))
-                .overlaps(&Extent { lower: place.map(|x| x - radius), upper: place.map(|x| x + radius) })
+        t.iter().all(|&v| (v as usize) < points.len()) && {
+            let extent = Extent::of(&t.map(|v| points[v as usize]));
+            let radius = radius + extent.diagonal();
+            extent.overlaps(&Extent { lower: place.map(|x| x - radius), upper: place.map(|x| x + radius) })
+        }
     };
     let near: Vec<&[u32; 3]> = triangles.iter().filter(near).take(MAX_NEAR).collect();
     let faces: Vec<Face> = near.iter().map(|t| Face::new(t.map(|v| points[v as usize]))).collect();

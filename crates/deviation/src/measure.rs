@@ -8,7 +8,7 @@ use serde::Serialize;
 use thb_core::SplineMap;
 
 use crate::gathered::Node;
-use crate::parts::{At, farthest, for_each_part, for_each_place, point_at};
+use crate::parts::{Judged, Known, farthest, for_each_part, for_each_place, point_at, radius};
 use crate::scan::{Cloud, Kind, Mesh, diagonal};
 use crate::search::{Foot, SurfaceSearch};
 use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, curvature_radii, self_crossings};
@@ -60,6 +60,17 @@ const REACH: f64 = 0.8;
 
 /// Edge of an equilateral triangle of area 1.
 const EDGE_OF_AREA: f64 = 1.519_671_371_303_185;
+
+/// Distance in tolerances up to which the point of the surface near a parameter is taken for the nearest one without looking further.
+///
+/// Derived: larger distances are then the smallest ones, and the largest one is, if it is at least that; half of the time of a good fit
+/// is saved.
+const NEAR_ENOUGH: f64 = 0.5;
+
+/// Change of a distance along a surface, per length, that is always allowed for in search of the largest.
+///
+/// Derived: half of the largest distance over parts that are ten times as large.
+const LEAST_SLOPE: f64 = 0.05;
 
 /// Reach of a point of a cloud in spacings, half of the distance up to which points are joined.
 ///
@@ -302,54 +313,64 @@ impl<'a> Measured<'a> {
         thresholds: &Thresholds,
     ) -> ScanSide {
         let periods = self.search.periods();
-        let judged = |t: usize, w: [f64; 3], area: f64| {
+        let judged = |t: usize, w: [f64; 3], area: f64, reach: f64| {
             let place = mesh.curved.on_facet(t, w);
             let start = interpolate(mesh.curved.triangles()[t].map(parameter), w, periods);
-            let foot = self.search.nearest(place, start, tolerance);
+            let foot = self.search.nearest(place, start, NEAR_ENOUGH * tolerance);
             let facet = mesh.curved.facet_normal(t);
             let sagitta = mesh.curved.sagitta(t, w);
             let band = BAND_WIDTH * sagitta.clamp(-WIDEST_BAND * tolerance, WIDEST_BAND * tolerance);
-            let mut distance = foot.distance;
+            let (mut distance, mut nearer) = (foot.distance, foot.distance);
             if band.abs() > NEGLIGIBLE_SAGITTA * tolerance {
                 let curved = add(place, scale(band, facet));
-                let other = self.search.nearest(curved, start, tolerance).distance;
+                let other = self.search.nearest(curved, start, NEAR_ENOUGH * tolerance).distance;
                 let is_between = (foot.distance + other - band.abs()).abs() < BETWEEN * band.abs();
-                distance = if is_between { 0.0 } else { foot.distance.min(other) };
+                nearer = foot.distance.min(other);
+                distance = if is_between { 0.0 } else { nearer };
             }
+            let most = nearer + reach * steepest(foot.offset, facet);
             let edge = EDGE_OF_AREA * mesh.curved.areas()[t].sqrt();
             let beyond_rim = foot.on_rim && foot.split().1 > tolerance + edge;
             let signed = foot.distance.copysign(dot(foot.offset, facet));
             let cosine = dot(facet, foot.normal);
-            Part { cosine, signed, triangle: t as u32, ..Part::new(place, &foot, distance, area, beyond_rim) }
+            let part = Part::new(place, &foot, distance, area, beyond_rim);
+            Part { cosine, signed, triangle: t as u32, most, ..part }
         };
         let of_triangle = |t: usize| {
             let n = mesh.parts_per_side(t);
             let mut parts = Vec::with_capacity(n * n);
             let area = mesh.curved.areas()[t] / (n * n) as f64;
-            for_each_part(n, |w| parts.push(judged(t, w, area)));
+            let reach = radius(mesh.curved.corners(t)) / n as f64;
+            for_each_part(n, |w| parts.push(judged(t, w, area, reach)));
             // Along its sides a curved triangle is flat, or as good as flat; places all over the parts give that its share of the area,
             // which the middles never see.
             if mesh.curved.sagitta(t, [1.0 / 3.0; 3]).abs() > NEGLIGIBLE_SAGITTA * tolerance {
                 parts.iter_mut().for_each(|part| part.area = 0.0);
-                for_each_place(n, t * n * n, |w| parts.push(Part { gathers: 0.0, ..judged(t, w, area) }));
+                for_each_place(n, t * n * n, |w| parts.push(Part { gathers: 0.0, ..judged(t, w, area, 2.0 * reach) }));
             }
             parts
         };
         let mut parts: Vec<Part> = (0..mesh.curved.areas().len()).into_par_iter().flat_map_iter(of_triangle).collect();
-        let at = |part: &Part| {
+        let reach = |t: usize| radius(mesh.curved.corners(t));
+        let known = |of_one: &[Part]| {
+            let part = farthest_of(of_one)?;
             let t = part.triangle as usize;
             let weights = barycentric_in_plane(part.place, mesh.curved.corners(t))?;
-            let size = (part.gathers.max(part.area) / mesh.curved.areas()[t]).sqrt();
-            Some(At { triangle: part.triangle, weights, distance: part.distance, size })
+            let parts = mesh.parts_per_side(t);
+            let most = of_one.iter().map(|part| part.most).fold(0.0, f64::max);
+            Some(Known { triangle: part.triangle, parts, weights, distance: part.distance, most })
         };
-        let of_triangles = parts.chunk_by(|a, b| a.triangle == b.triangle);
-        let known: Vec<At> = of_triangles.filter_map(|of_one| at(farthest_of(of_one)?)).collect();
-        let highest = farthest(&known, &|t| t, &|t, w| judged(t as usize, w, 0.0).distance);
-        parts.extend(highest.map(|at| judged(at.triangle as usize, at.weights, 0.0)));
+        let known: Vec<Known> = parts.chunk_by(|a, b| a.triangle == b.triangle).filter_map(known).collect();
+        let judge = |t: u32, weights: [f64; 3], reach: f64| {
+            let Part { distance, most, .. } = judged(t as usize, weights, 0.0, reach);
+            Judged { distance, most }
+        };
+        let highest = farthest(&known, tolerance, &|t| reach(t as usize), &judge);
+        parts.extend(highest.map(|(t, weights)| judged(t as usize, weights, 0.0, 0.0)));
         // Vertices have no area, but may be the farthest places.
         let of_vertex = |&v: &u32| {
             let place = mesh.curved.vertices()[v as usize];
-            let foot = self.search.nearest(place, parameter(v), tolerance);
+            let foot = self.search.nearest(place, parameter(v), NEAR_ENOUGH * tolerance);
             Part::new(place, &foot, foot.distance, 0.0, false)
         };
         parts.par_extend(mesh.used.par_iter().map(of_vertex));
@@ -380,7 +401,7 @@ impl<'a> Measured<'a> {
         thresholds: &Thresholds,
     ) -> ScanSide {
         let of_point = |(i, &place): (usize, &[f64; 3])| {
-            let foot = self.search.nearest(place, parameter(i as u32), tolerance);
+            let foot = self.search.nearest(place, parameter(i as u32), NEAR_ENOUGH * tolerance);
             let (across, along) = foot.split();
             let distance = if foot.on_rim { across } else { foot.distance };
             let beyond_rim = foot.on_rim && along > tolerance + cloud.spacing[i];
@@ -392,11 +413,13 @@ impl<'a> Measured<'a> {
     }
 
     /// Calls `part` with the middle, the triangle, the barycentric coordinates and the area of each part of the surface, and once more,
-    /// without area, for the place that is farthest by `distance` of what that returns.
+    /// without area, for the place that is farthest: `judges` give the distance of what `part` returned, and what it is at most within a
+    /// reach, the first one for all parts, the second one where the farthest is looked for.
     fn parts<T: Send + Sync>(
         &self,
+        tolerance: f64,
         part: &(dyn Fn([f64; 3], u32, [f64; 3], f64) -> T + Sync),
-        distance: &(dyn Fn(&T) -> f64 + Sync),
+        judges: [Judge<'_, T>; 2],
     ) -> Vec<T> {
         let corners = |t: usize| self.tessellation.corners(t);
         let area = |t: usize| {
@@ -407,25 +430,27 @@ impl<'a> Measured<'a> {
         let of_triangle = |t: usize| {
             let (corners, area) = (corners(t), area(t));
             let n = ((area * SURFACE_PARTS / total).sqrt().ceil() as usize).clamp(1, 100);
-            let (mut made, mut highest) = (Vec::with_capacity(n * n), None::<At>);
+            let reach = radius(corners) / n as f64;
+            let mut made = Vec::with_capacity(n * n);
+            let none = f64::NEG_INFINITY;
+            let mut known = Known { triangle: t as u32, parts: n, weights: [1.0 / 3.0; 3], distance: none, most: none };
             for_each_part(n, |weights| {
                 let found = part(point_at(corners, weights), t as u32, weights, area / (n * n) as f64);
-                let distance = distance(&found);
-                if highest.is_none_or(|h| distance > h.distance) {
-                    highest = Some(At { triangle: t as u32, weights, distance, size: 1.0 / n as f64 });
+                let Judged { distance, most } = judges[0](&found, reach);
+                if distance > known.distance {
+                    known = Known { weights, distance, ..known };
                 }
+                known.most = known.most.max(most);
                 made.push(found);
             });
-            (made, highest)
+            (made, known)
         };
-        let per_triangle: Vec<(Vec<T>, Option<At>)> =
-            (0..self.tessellation.triangles.len()).into_par_iter().map(of_triangle).collect();
-        let known: Vec<At> = per_triangle.iter().filter_map(|found| found.1).collect();
+        let (made, known): (Vec<Vec<T>>, Vec<Known>) =
+            (0..self.tessellation.triangles.len()).into_par_iter().map(of_triangle).unzip();
         let at = |t: u32, weights: [f64; 3]| part(point_at(corners(t as usize), weights), t, weights, 0.0);
-        let cell = |t: u32| self.tessellation.cells[t as usize];
-        let highest = farthest(&known, &cell, &|t, weights| distance(&at(t, weights)));
-        let parts = per_triangle.into_iter().flat_map(|found| found.0);
-        parts.chain(highest.map(|h| at(h.triangle, h.weights))).collect()
+        let judge_at = |t: u32, weights: [f64; 3], reach: f64| judges[1](&at(t, weights), reach);
+        let highest = farthest(&known, tolerance, &|t| radius(corners(t as usize)), &judge_at);
+        made.into_iter().flatten().chain(highest.map(|(t, weights)| at(t, weights))).collect()
     }
 
     fn surface_to_mesh(&self, mesh: &Mesh, tolerance: f64) -> SurfaceSide {
@@ -434,6 +459,10 @@ impl<'a> Measured<'a> {
             facet: f64,
             band: f64,
             area: f64,
+            /// How fast the distance changes along the surface at most.
+            steepest: f64,
+            /// Beyond the outline, how far within the plane of the nearest facet; 0 inside.
+            beyond: f64,
             on_rim: bool,
             cosine: f64,
             normal: [f64; 3],
@@ -449,17 +478,26 @@ impl<'a> Measured<'a> {
             let band = BAND_WIDTH * mesh.curved.sagitta(t, foot.barycentric).clamp(-widest, widest);
             let (cell, u) = self.search.place_in_parameters(triangle, weights);
             let normal = self.search.normal(cell, u);
+            let on_rim = mesh.is_on_rim(foot.triangle, foot.barycentric);
+            let within_plane = (foot.squared_distance - dot(offset, facet).powi(2)).max(0.0).sqrt();
             Found {
                 place,
                 facet: distance,
                 band: (band.min(0.0) - signed).max(signed - band.max(0.0)).max(0.0),
                 area,
-                on_rim: mesh.is_on_rim(foot.triangle, foot.barycentric),
+                steepest: steepest(offset, normal),
+                beyond: if on_rim { within_plane } else { 0.0 },
+                on_rim,
                 cosine: dot(facet, normal),
                 normal,
             }
         };
-        let found = self.parts(&part, &|found| if found.on_rim { f64::NEG_INFINITY } else { found.band });
+        let judge = |found: &Found, reach: f64| {
+            let none = f64::NEG_INFINITY;
+            let distance = if found.on_rim { none } else { found.band };
+            Judged { distance, most: if found.beyond > reach { none } else { found.band + reach * found.steepest } }
+        };
+        let found = self.parts(tolerance, &part, [&judge, &judge]);
         let area: f64 = found.iter().map(|f| f.area).sum();
         let inside: Vec<&Found> = found.iter().filter(|f| !f.on_rim).collect();
         let inner: f64 = inside.iter().map(|f| f.area).sum();
@@ -481,18 +519,40 @@ impl<'a> Measured<'a> {
     }
 
     fn surface_to_cloud(&self, cloud: &Cloud, tolerance: f64) -> SurfaceSide {
+        struct Found {
+            place: [f64; 3],
+            distance: f64,
+            nearest: u32,
+            counted: f64,
+            area: f64,
+        }
         let part = |place: [f64; 3], _: u32, _: [f64; 3], area: f64| {
             let (distance, nearest) = cloud.tree.nearest(place);
-            ((distance - cloud.spacing[nearest as usize]).max(0.0), area, place, distance)
+            let counted = (distance - cloud.spacing[nearest as usize]).max(0.0);
+            Found { place, distance, nearest, counted, area }
         };
-        let found = self.parts(&part, &|found| found.0);
-        let area: f64 = found.iter().map(|f| f.1).sum();
+        // Within the reach another point may be the nearest, whose spacing is smaller: probably a neighbour of the nearest one, certainly
+        // one as near as the nearest may be there.
+        let judged = |found: &Found, reach: f64, least_spacing: f64| Judged {
+            distance: found.counted,
+            most: found.distance + reach - least_spacing,
+        };
+        let probably = |found: &Found, reach: f64| judged(found, reach, cloud.least_spacing[found.nearest as usize]);
+        let certainly = |found: &Found, reach: f64| {
+            let mut least = f64::INFINITY;
+            let farthest = (found.distance + 2.0 * reach).next_up();
+            cloud.tree.for_each_within(found.place, farthest, |k| least = least.min(cloud.spacing[k as usize]));
+            judged(found, reach, least)
+        };
+        let found = self.parts(tolerance, &part, [&probably, &certainly]);
+        let area: f64 = found.iter().map(|f| f.area).sum();
         // Where no point is within two spacings the surface spans a void or reaches beyond the outline.
-        let beyond = sum(found.iter().filter(|f| f.0 > 0.5 * f.3 && f.0 > tolerance).map(|f| f.1));
+        let is_beyond = |f: &&Found| f.counted > 0.5 * f.distance && f.counted > tolerance;
+        let beyond = sum(found.iter().filter(is_beyond).map(|f| f.area));
         SurfaceSide {
-            distances: summary(found.iter().map(|f| (f.0, f.1, f.2)), tolerance),
+            distances: summary(found.iter().map(|f| (f.counted, f.area, f.place)), tolerance),
             facets: None,
-            farthest: found.iter().map(|f| f.0).fold(0.0, f64::max),
+            farthest: found.iter().map(|f| f.counted).fold(0.0, f64::max),
             beyond_outline: if area > 0.0 { beyond / area } else { 0.0 },
             area,
             folded: None,
@@ -509,6 +569,8 @@ struct Part {
     /// What counts, and the distance to the nearest point.
     distance: f64,
     facet: f64,
+    /// Estimate of the largest distance in a part of a triangle.
+    most: f64,
     /// Area of a triangle's part, weight of a cloud's point.
     area: f64,
     /// The same where misses gather: a triangle's parts gather by their middles.
@@ -532,6 +594,7 @@ impl Part {
             place,
             distance,
             facet,
+            most: distance,
             area,
             gathers: area,
             beyond_rim,
@@ -544,6 +607,9 @@ impl Part {
     }
 }
 
+/// Distance of a place of which more is known, and what it is at most within a reach.
+type Judge<'a, T> = &'a (dyn Fn(&T, f64) -> Judged + Sync);
+
 /// The measures from the surface to the scan.
 struct SurfaceSide {
     distances: Distances,
@@ -552,6 +618,13 @@ struct SurfaceSide {
     farthest: f64,
     area: f64,
     folded: Option<f64>,
+}
+
+/// How fast the distance to something `offset` away changes along a plane, at most: by the sine of the angle between offset and normal,
+/// which is allowed to double nearby.
+fn steepest(offset: [f64; 3], normal: [f64; 3]) -> f64 {
+    let sine = norm(cross(offset, normal)) / norm(offset).max(f64::MIN_POSITIVE);
+    (2.0 * sine + LEAST_SLOPE).min(1.0)
 }
 
 /// The part that is farthest, the first one of several.

@@ -1,28 +1,31 @@
 //! Triangles cut into parts: where their parts are judged, and the farthest place of all.
 
 use std::array;
-use std::f64::consts::TAU;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
-use point_cloud::vec3::{add, scale};
+use point_cloud::vec3::{add, norm, scale, sub};
 use rayon::prelude::*;
 
-/// Triangles in which the farthest place is looked for.
+/// Places at which distances are taken, beyond those known, in search of the farthest one.
 ///
-/// Limit: time; some 80 distances each.
-const SEARCHED: usize = 64;
+/// Limit: time; 20 to 40 ms.
+const MOST_SEARCHED: usize = 20_000;
 
-/// Halvings of the step with which it is looked for, from the size of a part.
+/// Pieces that are cut at a time.
 ///
-/// Derived: the place is then known to 1/32 of a part, where a distance differs by less than that from the largest.
-const HALVINGS: usize = 5;
+/// Limit: more of them are cut that a better place would have ruled out; fewer leave threads idle.
+const CUT_AT_ONCE: usize = 64;
 
-/// Steps at most from one place, and directions of each.
+/// Error of the largest distance, as a share of it and of the tolerance.
 ///
-/// Limit: a triangle has some 10⁴ parts at most, 100 a side.
-const MAX_STEPS: usize = 200;
-const DIRECTIONS: usize = 8;
+/// Derived: a fifth of that up to which reported and measured largest distances agree (docs, "Reported and measured").
+const LARGEST_ERROR: f64 = 0.01;
 
-const SQRT_3: f64 = 1.732_050_807_568_877_2;
+/// Parts of a side that a triangle is cut into at most at a time.
+///
+/// Limit: a hundredth of the places that are searched.
+const MOST_CUT: usize = 14;
 
 /// Fractional parts of the multiples of these two numbers fill the unit square evenly (Roberts 2018, the sequence R₂): the inverse
 /// of the root of x³ = x + 1, and its square.
@@ -30,7 +33,7 @@ const EVENLY: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
 /// Calls `visit` with the barycentric coordinates of the middle of each of the `n²` parts of a triangle.
 pub(crate) fn for_each_part(n: usize, mut visit: impl FnMut([f64; 3])) {
-    for_each_part_at(n, |_| [1.0 / 3.0; 2], &mut visit);
+    for_each_part_at(n, |_| [1.0 / 3.0; 2], &mut |weights, _| visit(weights));
 }
 
 /// Calls `visit` with the barycentric coordinates of a place in each of the `n²` parts of a triangle. Where that is in the part differs
@@ -41,18 +44,18 @@ pub(crate) fn for_each_place(n: usize, first: usize, mut visit: impl FnMut([f64;
         let [a, b] = EVENLY.map(|x| ((first + k) as f64 * x).fract());
         if a + b > 1.0 { [1.0 - a, 1.0 - b] } else { [a, b] }
     };
-    for_each_part_at(n, place, &mut visit);
+    for_each_part_at(n, place, &mut |weights, _| visit(weights));
 }
 
 /// Calls `visit` for each of the `n²` parts of a triangle with the barycentric coordinates of a place of it: `place` gives those in the
-/// part by its number.
-fn for_each_part_at(n: usize, place: impl Fn(usize) -> [f64; 2], visit: &mut impl FnMut([f64; 3])) {
+/// part by its number. A part is as the triangle (1) or turned by half a turn (-1).
+fn for_each_part_at(n: usize, place: impl Fn(usize) -> [f64; 2], visit: &mut impl FnMut([f64; 3], f64)) {
     let (size, mut number) = (n as f64, 0);
     let mut at = |corner: [usize; 2], sign: f64| {
         let [u, v] = place(number);
         let (u, v) = ((corner[0] as f64 + sign * u) / size, (corner[1] as f64 + sign * v) / size);
         number += 1;
-        visit([(1.0 - u - v).max(0.0), u, v]);
+        visit([(1.0 - u - v).max(0.0), u, v], sign);
     };
     for j in 0..n {
         for i in 0..n - j {
@@ -69,79 +72,130 @@ pub(crate) fn point_at(corners: [[f64; 3]; 3], weights: [f64; 3]) -> [f64; 3] {
     (0..3).fold([0.0; 3], |sum, k| add(sum, scale(weights[k], corners[k])))
 }
 
-/// A place of a triangle where a distance is known.
+/// Distance from the middle of a triangle to its farthest corner.
+pub(crate) fn radius(corners: [[f64; 3]; 3]) -> f64 {
+    let middle = point_at(corners, [1.0 / 3.0; 3]);
+    corners.iter().map(|&corner| norm(sub(corner, middle))).fold(0.0, f64::max)
+}
+
+/// The farthest place that is known of a triangle.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct At {
+pub(crate) struct Known {
     pub(crate) triangle: u32,
-    /// Barycentric coordinates.
+    /// Parts of a side that it was judged in.
+    pub(crate) parts: usize,
+    /// Barycentric coordinates of the place.
     pub(crate) weights: [f64; 3],
     pub(crate) distance: f64,
-    /// Size of the part that it stands for, in triangles.
-    pub(crate) size: f64,
+    /// What no place of the triangle exceeds.
+    pub(crate) most: f64,
 }
 
-/// The farthest place that is found by going uphill, with ever shorter steps within their triangles, from the farthest of `known`, one in
-/// each triangle, and from the farthest of each of the farthest `groups` of triangles: the places at which parts are judged alone miss
-/// what is highest between them. Triangles of a group follow one another.
+/// A distance at a place, and what it is at most at places as far from there as was asked.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Judged {
+    pub(crate) distance: f64,
+    pub(crate) most: f64,
+}
+
+/// A part of a triangle that is similar to it.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    triangle: u32,
+    /// Barycentric coordinates of its middle.
+    middle: [f64; 3],
+    /// Its size in triangles, negative where it is turned by half a turn.
+    size: f64,
+    /// Parts of a side that it will be cut into.
+    cut: usize,
+    most: f64,
+}
+
+impl Piece {
+    /// The middles of the parts of an even cut, and their sizes.
+    fn parts(&self) -> Vec<([f64; 3], f64)> {
+        let mut parts = Vec::with_capacity(self.cut * self.cut);
+        let size = self.size / self.cut as f64;
+        for_each_part_at(self.cut, |_| [1.0 / 3.0; 2], &mut |w, sign| {
+            let middle = array::from_fn(|k| (self.middle[k] + self.size * (w[k] - 1.0 / 3.0)).max(0.0));
+            parts.push((middle, sign * size));
+        });
+        parts
+    }
+}
+
+impl PartialEq for Piece {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Piece {}
+
+impl PartialOrd for Piece {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Piece {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_middle =
+            || (0..3).map(|k| other.middle[k].total_cmp(&self.middle[k])).fold(Ordering::Equal, Ordering::then);
+        self.most.total_cmp(&other.most).then(other.triangle.cmp(&self.triangle)).then_with(by_middle)
+    }
+}
+
+/// The farthest place of all triangles, by branch and bound (Piyavskii and Shubert's search for the largest value of a function that
+/// does not change faster than its argument): the piece that may have the largest distance is cut, and pieces that cannot have a larger
+/// one than is known, up to a hundredth of it or of the tolerance, or are that small, are left out. `judge` gives the distance at a place of a triangle and
+/// what it is at most within a reach of it, `radius` the reach that takes in all of a triangle from its middle. The result is certain
+/// unless `judge` is asked 2·10⁴ times, when the best place so far is taken.
 pub(crate) fn farthest(
-    known: &[At],
-    group: &dyn Fn(u32) -> u32,
-    distance: &(dyn Fn(u32, [f64; 3]) -> f64 + Sync),
-) -> Option<At> {
-    let by_distance = |a: &At, b: &At| b.distance.total_cmp(&a.distance).then(a.triangle.cmp(&b.triangle));
-    let foremost = |mut known: Vec<At>| {
-        if known.len() > SEARCHED {
-            known.select_nth_unstable_by(SEARCHED, by_distance);
-            known.truncate(SEARCHED);
-        }
-        known
+    known: &[Known],
+    tolerance: f64,
+    radius: &(dyn Fn(u32) -> f64 + Sync),
+    judge: &(dyn Fn(u32, [f64; 3], f64) -> Judged + Sync),
+) -> Option<(u32, [f64; 3])> {
+    let mut best = *known.iter().max_by(|a, b| a.distance.total_cmp(&b.distance).then(b.triangle.cmp(&a.triangle)))?;
+    let bound = |best: f64| best + LARGEST_ERROR * best.max(tolerance);
+    let whole = |k: &Known| Piece {
+        triangle: k.triangle,
+        middle: [1.0 / 3.0; 3],
+        size: 1.0,
+        cut: (2 * k.parts).min(MOST_CUT),
+        most: k.most,
     };
-    let of_groups = known.chunk_by(|a, b| group(a.triangle) == group(b.triangle));
-    let mut starts = foremost(of_groups.filter_map(|of_one| of_one.iter().copied().min_by(by_distance)).collect());
-    starts.extend(foremost(known.to_vec()));
-    starts.sort_unstable_by_key(|start| start.triangle);
-    starts.dedup_by_key(|start| start.triangle);
-    let found: Vec<At> = starts.into_par_iter().map(|start| uphill(start, &|w| distance(start.triangle, w))).collect();
-    found.into_iter().max_by(|a, b| a.distance.total_cmp(&b.distance).then(b.triangle.cmp(&a.triangle)))
-}
-
-fn uphill(start: At, distance: &dyn Fn([f64; 3]) -> f64) -> At {
-    let (mut best, mut step, mut steps) = (start, start.size, 0);
-    for level in 0..HALVINGS {
-        loop {
-            let before = best.distance;
-            for k in 0..DIRECTIONS {
-                // Other directions each time: distances have ridges, along which few lead upwards.
-                let turn = (k as f64 + EVENLY[0] * (level + steps) as f64) / DIRECTIONS as f64;
-                let (sin, cos) = (TAU * turn).sin_cos();
-                let along = [cos, -0.5 * cos + SQRT_3 / 2.0 * sin, -0.5 * cos - SQRT_3 / 2.0 * sin];
-                // As far as the side of the triangle at most.
-                let room = |j: usize| if along[j] < 0.0 { best.weights[j] / -along[j] } else { f64::INFINITY };
-                let length = step.min(room(0)).min(room(1)).min(room(2));
-                if length <= 0.0 {
-                    continue;
-                }
-                let weights = array::from_fn(|j| (best.weights[j] + length * along[j]).max(0.0));
-                let found = distance(weights);
-                if found > best.distance {
-                    best = At { weights, distance: found, ..best };
-                }
+    let mut open: BinaryHeap<Piece> = known.iter().filter(|k| k.most > bound(best.distance)).map(whole).collect();
+    let mut asked = 0;
+    while asked < MOST_SEARCHED {
+        let mut pieces = Vec::with_capacity(CUT_AT_ONCE);
+        while pieces.len() < CUT_AT_ONCE && open.peek().is_some_and(|piece| piece.most > bound(best.distance)) {
+            pieces.extend(open.pop());
+        }
+        if pieces.is_empty() {
+            break;
+        }
+        let of_piece = |piece: &Piece| -> Vec<(Piece, f64)> {
+            let radius = radius(piece.triangle);
+            let judged = |(middle, size): ([f64; 3], f64)| {
+                let found = judge(piece.triangle, middle, size.abs() * radius);
+                (Piece { middle, size, cut: 2, most: found.most.min(piece.most), ..*piece }, found.distance)
+            };
+            piece.parts().into_iter().map(judged).collect()
+        };
+        let parts: Vec<Vec<(Piece, f64)>> = pieces.par_iter().map(of_piece).collect();
+        for (part, distance) in parts.into_iter().flatten() {
+            asked += 1;
+            if distance > best.distance {
+                best = Known { triangle: part.triangle, weights: part.middle, distance, ..best };
             }
-            steps += 1;
-            if best.distance <= before || steps >= MAX_STEPS {
-                break;
+            if part.most > bound(best.distance) && part.size.abs() * radius(part.triangle) > LARGEST_ERROR * tolerance {
+                open.push(part);
             }
         }
-        step *= 0.5;
     }
-    for corner in 0..3 {
-        let weights = array::from_fn(|j| if j == corner { 1.0 } else { 0.0 });
-        let found = distance(weights);
-        if found > best.distance {
-            best = At { weights, distance: found, ..best };
-        }
-    }
-    best
+    Some((best.triangle, best.weights))
 }
 
 #[cfg(test)]
@@ -196,14 +250,45 @@ mod tests {
             let [u, v] = peak(t);
             1.0 + 0.001 * f64::from(t) - ((w[1] - u).powi(2) + (w[2] - v).powi(2)).sqrt()
         };
-        let known: Vec<At> = (0..100)
+        let judge = |t: u32, w: [f64; 3], reach: f64| {
+            let distance = height(t, w);
+            Judged { distance, most: distance + reach }
+        };
+        let middle = [1.0 / 3.0; 3];
+        let known: Vec<Known> = (0..100)
             .map(|triangle| {
-                let weights = [1.0 / 3.0; 3];
-                At { triangle, weights, distance: height(triangle, weights), size: 0.5 }
+                let Judged { distance, most } = judge(triangle, middle, 0.75);
+                Known { triangle, parts: 1, weights: middle, distance, most }
             })
             .collect();
-        let found = farthest(&known, &|t| t / 10, &height).unwrap();
-        assert!(found.triangle >= 90 && found.distance > 1.099 - 0.03, "{found:?}");
-        assert!(farthest(&[], &|t| t, &height).is_none());
+        let (triangle, weights) = farthest(&known, 0.1, &|_| 0.75, &judge).unwrap();
+        assert!(height(triangle, weights) > 1.099 * 0.99, "{triangle} {weights:?}");
+        assert!(farthest(&[], 0.1, &|_| 0.75, &judge).is_none());
+    }
+
+    #[test]
+    fn a_piece_is_cut_into_parts_that_cover_it() {
+        let whole = Piece { triangle: 0, middle: [1.0 / 3.0; 3], size: 1.0, cut: 3, most: 0.0 };
+        let mut pieces = vec![whole];
+        for cut in [3, 2, 2] {
+            let parts = |piece: &Piece| Piece { cut, ..*piece }.parts();
+            pieces = pieces
+                .iter()
+                .flat_map(|piece| parts(piece).into_iter().map(move |(middle, size)| Piece { middle, size, ..*piece }))
+                .collect();
+        }
+        assert!(pieces.len() == 144 && pieces.iter().all(|piece| (piece.size.abs() - 1.0 / 12.0).abs() < 1e-12));
+        let mut middles = Vec::new();
+        for_each_part(12, |w| middles.push(w));
+        let nearest = |piece: &Piece| {
+            let off = |w: &[f64; 3]| (0..3).map(|k| (w[k] - piece.middle[k]).abs()).fold(0.0, f64::max);
+            middles.iter().map(off).fold(f64::INFINITY, f64::min)
+        };
+        assert!(pieces.iter().all(|piece| nearest(piece) < 1e-12));
+        let mut found: Vec<[u64; 2]> =
+            pieces.iter().map(|p| [p.middle[0], p.middle[1]].map(|x| (x * 1e6) as u64)).collect();
+        found.sort_unstable();
+        found.dedup();
+        assert_eq!(found.len(), 144);
     }
 }

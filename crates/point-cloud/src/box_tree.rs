@@ -98,6 +98,25 @@ impl<S: Shape> BoxTree<S> {
             top += 2;
         }
     }
+
+    /// Calls `visit` with the index of each shape whose squared distance is at most that of `radius`, in the order of the tree.
+    fn for_each_within(&self, point: [f64; 3], radius: f64, squared: impl Fn(&S) -> f64, visit: &mut impl FnMut(u32)) {
+        let most = radius * radius;
+        let mut stack = vec![0u32];
+        while let Some(at) = stack.pop() {
+            let node = &self.nodes[at as usize];
+            if node.squared_distance(point) > most {
+                continue;
+            }
+            if node.second != 0 {
+                stack.extend([node.second, at + 1]);
+                continue;
+            }
+            (node.begin as usize..node.end as usize)
+                .filter(|&k| squared(&self.shapes[k]) <= most)
+                .for_each(|k| visit(self.items[k]));
+        }
+    }
 }
 
 /// Points for queries of the nearest one, whatever their coordinates are: where one extends over thousands of times as much as
@@ -123,6 +142,15 @@ impl PointTree {
         });
         (squared.sqrt(), self.0.items[nearest])
     }
+
+    /// Calls `visit` with the index of each point at a distance of at most `radius` from `place`, in the order of the tree.
+    pub fn for_each_within(&self, place: [f64; 3], radius: f64, mut visit: impl FnMut(u32)) {
+        let squared = |point: &[f64; 3]| {
+            let offset = sub(place, *point);
+            dot(offset, offset)
+        };
+        self.0.for_each_within(place, radius, squared, &mut visit);
+    }
 }
 
 /// Triangles for queries of the nearest point.
@@ -146,6 +174,11 @@ impl TriangleTree {
             squared_distance
         });
         found
+    }
+
+    /// Calls `visit` with the index of each triangle at a distance of at most `radius` from `point`, in the order of the tree.
+    pub fn for_each_within(&self, point: [f64; 3], radius: f64, mut visit: impl FnMut(u32)) {
+        self.0.for_each_within(point, radius, |corners| foot_on_triangle(point, corners).1, &mut visit);
     }
 
     /// The smallest distance along a ray, positive multiples of `direction` from `origin` in its units, at which it meets a triangle for
@@ -193,27 +226,6 @@ fn hit(origin: [f64; 3], direction: [f64; 3], &[p, q, r]: &[[f64; 3]; 3]) -> Opt
     let t = dot(f, turned) / determinant;
     // A ray in the plane of the triangle has no determinant, and meets it nowhere.
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t.is_finite()).then_some(t)
-}
-
-impl TriangleTree {
-    /// Calls `visit` with the index of each triangle at a distance of at most `radius` from `point`, in the order of the tree.
-    pub fn for_each_within(&self, point: [f64; 3], radius: f64, mut visit: impl FnMut(u32)) {
-        let most = radius * radius;
-        let mut stack = vec![0u32];
-        while let Some(at) = stack.pop() {
-            let node = &self.0.nodes[at as usize];
-            if node.squared_distance(point) > most {
-                continue;
-            }
-            if node.second != 0 {
-                stack.extend([node.second, at + 1]);
-                continue;
-            }
-            (node.begin as usize..node.end as usize)
-                .filter(|&k| foot_on_triangle(point, &self.0.shapes[k]).1 <= most)
-                .for_each(|k| visit(self.0.items[k]));
-        }
-    }
 }
 
 impl Node {
@@ -397,6 +409,14 @@ mod tests {
                 let nearest = points.iter().map(distance).fold(f64::INFINITY, f64::min);
                 let (found, item) = tree.nearest(place);
                 assert!(found == nearest && distance(&points[item as usize]) == nearest);
+                let (radius, mut within) = (1.2 * nearest, Vec::new());
+                tree.for_each_within(place, radius, |k| within.push(k as usize));
+                within.sort_unstable();
+                let is_near = |&k: &usize| {
+                    let offset = sub(place, points[k]);
+                    dot(offset, offset) <= radius * radius
+                };
+                assert_eq!(within, (0..points.len()).filter(is_near).collect::<Vec<_>>());
             }
         }
     }

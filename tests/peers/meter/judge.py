@@ -25,10 +25,14 @@ MOST_SPACING = 3.0
 COVERED_SPACINGS = 1.0
 # Farther than so many spacings from the nearest point the surface lies beyond the outline or over a hole.
 BEYOND_SPACINGS = 2.0
-# Triangles with the farthest samples and vertices, in which more places are taken, and how many in each.
-FARTHEST, AGAIN = 300, 100
-# How near to the farthest places of these more are taken, as shares of their triangles, one after the other, and how many.
-NEARER, NEAREST = (0.1, 0.02), 20
+# Triangles that may hold the farthest place, in which more places are taken, and how many in each.
+FARTHEST, AGAIN = 400, 60
+# How near to the farthest place of each of these more are taken, as shares of the triangle, one after the other.
+NEARER = (0.2, 0.05, 0.01)
+# Change of the distance between scan and surface, per length, that is expected at most: they are all but parallel.
+SLOPE = 0.2
+# Points round a place, one of which may be the nearest close by.
+OTHERS = 12
 # A place lies on an outline if it is that near to it, as a share of the diagonal.
 ON_OUTLINE = 1e-6
 
@@ -102,37 +106,45 @@ def gathered_points(points, spacing, weights, distances, tolerance):
     return patches(len(miss), (one[near], other[near]), weights[miss], distances[miss], points[miss])
 
 
-def places_again(triangles, which, distances, at_vertices, seed):
-    """Further places in the triangles of the farthest samples (`which` triangle each is in) and vertices: the largest
-    distance lies between them. Triangles and barycentric coordinates."""
-    of_samples = which[np.argsort(-distances)[:FARTHEST]]
-    vertices = np.zeros(triangles.max() + 1, dtype=bool)
-    vertices[np.argsort(-at_vertices)[: FARTHEST // 6]] = True
-    of_vertices = np.flatnonzero(vertices[triangles].any(axis=1))
-    chosen = np.repeat(np.unique(np.concatenate([of_samples, of_vertices])), AGAIN)
+def climbed(corners, triangles, which, distances, at_vertices, judge, number, slope, seed, expected=None):
+    """Places in ever smaller surroundings of the farthest ones, with what `judge` finds of the places, the triangles and
+    the barycentric coordinates: a list of arrays, of which `number` are the distances. `which` and `distances` are those of
+    samples, `at_vertices` of vertices. Distances are expected to change by `slope` a length: triangles are taken by their
+    farthest sample or vertex and their size, unless it is known better what is `expected` round each sample, and each goes
+    on as long as it may hold the farthest place."""
     random = np.random.default_rng(seed)
-    r, s = np.sqrt(random.random(len(chosen))), random.random(len(chosen))
-    return chosen, np.column_stack([1 - r, r * (1 - s), r * s])
-
-
-def nearer(chosen, weights, distances, reach, seed):
-    """Places within `reach` of the farthest of the given ones, in the same triangles."""
-    top = np.repeat(np.argsort(-distances)[:NEAREST], AGAIN)
-    moved = weights[top] + np.random.default_rng(seed).normal(size=(len(top), 3)) * reach
-    moved = np.maximum(moved, 0.0)
-    return chosen[top], moved / moved.sum(axis=1, keepdims=True)
-
-
-def climbed(corners, triangles, chosen, weights, judge, which, seed):
-    """Places of triangles in ever smaller surroundings of the farthest, with what `judge` finds of the places, the triangles
-    and the weights: a list of arrays, of which number `which` are the distances."""
-    places = facets.at(corners, triangles, chosen, weights)
-    all_places, found = [places], [judge(places, chosen, weights)]
-    for reach in NEARER:
-        chosen, weights = nearer(chosen, weights, found[-1][which], reach, seed)
-        places = facets.at(corners, triangles, chosen, weights)
+    best = np.full(len(triangles), -np.inf)
+    np.maximum.at(best, which, distances)
+    best = np.maximum(best, at_vertices[triangles].max(axis=1))
+    a, b, c = (corners[triangles[:, k]] for k in range(3))
+    size = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
+    promise = best + slope * size
+    if expected is not None:
+        promise = best.copy()
+        np.maximum.at(promise, which, expected)
+    chosen = np.argsort(-promise)[:FARTHEST]
+    all_places, found, farthest = [], [], best.max()
+    middles = None
+    for reach in (1.0, *NEARER):
+        chosen_again = np.repeat(np.arange(len(chosen)), AGAIN)
+        r, s = np.sqrt(random.random(len(chosen_again))), random.random(len(chosen_again))
+        weights = np.column_stack([1 - r, r * (1 - s), r * s])
+        if middles is not None:
+            weights = np.maximum(middles[chosen_again] + reach * (weights - 1 / 3), 0.0)
+            weights /= weights.sum(axis=1, keepdims=True)
+        of = chosen[chosen_again]
+        places = facets.at(corners, triangles, of, weights)
         all_places.append(places)
-        found.append(judge(places, chosen, weights))
+        found.append(judge(places, of, weights))
+        distances = found[-1][number].reshape(len(chosen), AGAIN)
+        top = distances.argmax(axis=1)
+        farthest = max(farthest, distances.max())
+        # Places of the next round are within half of this one's distances from each other.
+        kept = distances.max(axis=1) + 0.5 * slope * reach * size[chosen] >= farthest
+        middles = weights.reshape(len(chosen), AGAIN, 3)[np.arange(len(chosen)), top][kept]
+        chosen = chosen[kept]
+        if not len(chosen):
+            break
     return np.concatenate(all_places), [np.concatenate(parts) for parts in zip(*found)]
 
 
@@ -175,15 +187,14 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
     at_vertices = to_surface(points[used])[0]
     of_all = np.full(len(points), -1.0)
     of_all[used] = at_vertices
-    more, more_weights = places_again(triangles, which, to_band, of_all, seed)
-    more_places, further = climbed(points, triangles, more, more_weights, from_scan, 3, seed)
+    # Where a sample lies in the band the place beside it may not.
+    more_places, further = climbed(points, triangles, which, to_band, of_all, from_scan, 3, SLOPE, seed, flat)
     vertices = (np.concatenate([at_vertices, further[3]]), np.concatenate([points[used], more_places]))
     result = dict(
         sagitta_p95=float(np.quantile(np.abs(facets.curved_height(points, triangles, corners, which, weights)), 0.95)),
         scan_to_surface=statistics(to_band, places, tolerance, others=vertices),
         points=statistics(at_vertices, points[used], tolerance),
     )
-    around = (places, which)
     facet_figures = dict(scan_to_surface=statistics(flat, places, tolerance, others=vertices))
 
     # Coverage of the scan.
@@ -222,9 +233,14 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
     places = np.concatenate([facets.at(surface.points, surface.triangles, which, weights), surface.points])
     found = from_surface(places)
     counted = np.where(found[2], found[4], 0.0)
-    more, more_weights = places_again(surface.triangles, which, counted[:count], counted[count:], seed)
+
+    def counted_there(places, *_):
+        there = from_surface(places)
+        return *there, np.where(there[2], there[4], -np.inf)
+
+    of_samples, of_vertices = counted[:count], counted[count:]
     more_places, further = climbed(
-        surface.points, surface.triangles, more, more_weights, lambda places, *_: from_surface(places), 4, seed
+        surface.points, surface.triangles, which, of_samples, of_vertices, counted_there, 5, SLOPE, seed
     )
     found = [np.concatenate(pair) for pair in zip(found, further)]
     places = np.concatenate([places, more_places])
@@ -249,16 +265,14 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
         surface_normals[which],
         distance[:count],
         tolerance,
-        around,
     )
     return result
 
 
-def folds(points, triangles, nearest_facet, weights, inside, places, normals, distances, tolerance, around):
+def folds(points, triangles, nearest_facet, weights, inside, places, normals, distances, tolerance):
     """Share of the surface inside the outline whose normal is more than 90 degrees from that of the scan at the nearest
-    point, which is blended from the vertices, and from those of facets no farther away by more than the tolerance:
-    `around` are places all over the scan and the facets that they are on. Each connected part of the scan may be oriented
-    either way."""
+    point, which is blended from the vertices, and from those of all facets no farther away by more than the tolerance. Each
+    connected part of the scan may be oriented either way."""
     oriented, part = igl.bfs_orient(triangles)
     doubled = facets.doubled_normals(points, oriented)
     sums = np.column_stack(
@@ -275,12 +289,18 @@ def folds(points, triangles, nearest_facet, weights, inside, places, normals, di
     against = inside & (cosine * facing < 0)
     # At a sharp edge the surface may cut the corner by the tolerance, and the nearest facet is the other face's: a facet
     # round the place that faces as the surface does is enough.
-    scan_places, scan_facets = around
-    tree = cKDTree(scan_places)
     suspects = np.flatnonzero(against)
     facet_normals = unit(facets.doubled_normals(points, oriented))
-    for k, near in zip(suspects, tree.query_ball_point(places[suspects], distances[suspects] + tolerance)):
-        against[k] = not (facet_normals[scan_facets[near]] @ normals[k] * facing[k] >= 0).any()
+    corners = points[oriented]
+    middles = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+    for k in suspects:
+        radius = distances[k] + tolerance
+        like = (facet_normals @ normals[k]) * facing[k] >= 0
+        like &= np.linalg.norm(middles - places[k], axis=1) <= radius + reach
+        if like.any():
+            squared = igl.point_mesh_squared_distance(places[k][None], points, np.ascontiguousarray(oriented[like]))[0]
+            against[k] = squared.min() > radius**2
     place = None
     if against.any():
         # A place of the largest group, roughly: the one with most others near it.
@@ -319,9 +339,16 @@ def judge_cloud(points, surface, tolerance, count, seed):
         return away, excess, (away > BEYOND_SPACINGS * there) & (excess > tolerance)
 
     found = from_surface(places)
-    more, more_sides = places_again(surface.triangles, which, found[1][:count], found[1][count:], seed)
+    anywhere = lambda places, *_: from_surface(places)
+    of_samples, of_vertices = found[1][:count], found[1][count:]
+    # Another point than the nearest may be the nearest one close by, with a smaller spacing: how far a place would then count.
+    apart, others = tree.query(places[:count], k=min(OTHERS, len(points)))
+    a, b, c = (surface.points[surface.triangles[which][:, k]] for k in range(3))
+    near = np.max([np.linalg.norm(corner - places[:count], axis=1) for corner in (a, b, c)], axis=0)
+    reachable = apart <= apart[:, :1] + 2 * near[:, None]
+    expected = np.where(reachable, np.minimum(apart, apart[:, :1] + near[:, None]) - spacing[others], 0.0).max(axis=1)
     more_places, further = climbed(
-        surface.points, surface.triangles, more, more_sides, lambda places, *_: from_surface(places), 1, seed
+        surface.points, surface.triangles, which, of_samples, of_vertices, anywhere, 1, 1.0, seed, expected
     )
     away, excess, outside = (np.concatenate(pair) for pair in zip(found, further))
     places = np.concatenate([places, more_places])

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import igl
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 MESHES = {"off", "obj", "ply", "stl"}
 TABLES = {"xyz", "txt", "csv", "pts", "dat"}
@@ -46,6 +48,17 @@ def read_mesh(path, kind):
     return np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(triangles, dtype=np.int64) if len(
         triangles
     ) else None
+
+
+def largest_piece(points, triangles):
+    """The triangles of the connected piece with the largest area; triangles are connected by vertices."""
+    links = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
+    graph = coo_matrix((np.ones(len(links)), links.T), shape=(len(points), len(points)))
+    _, piece = connected_components(graph, directed=False)
+    of_triangle = piece[triangles[:, 0]]
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    areas = np.bincount(of_triangle, np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    return triangles[of_triangle == areas.argmax()]
 
 
 def fans(polygons):

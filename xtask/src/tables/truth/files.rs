@@ -6,6 +6,12 @@ pub(super) struct Kind {
     pub(super) files: &'static [&'static str],
 }
 
+/// Scans with parameters outside of the unit square.
+pub(super) const OWN_DOMAINS: [&str; 1] = ["deepdrawingC.xml"];
+
+/// Scans of a surface that passes through itself.
+pub(super) const CROSSING: [&str; 3] = ["thbs_face_grid.csv", "thbs_face_random.csv", "thbs_face_random.xyz"];
+
 /// Every scan of one surface.
 pub(super) const KINDS: [Kind; 6] = [
     Kind {
