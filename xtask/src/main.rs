@@ -474,6 +474,27 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Whole parts on given layouts: a solid each, measured from its STEP file.
+    Solids {
+        /// A folder with meshes, `solids/NAME.off`, and layouts, `layouts/NAME_KIND.json.gz`; without it nothing is fitted.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// A Python interpreter with the packages of tests/peers/requirements.txt.
+        #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+        python: PathBuf,
+        /// Elements along each side of a patch.
+        #[arg(long, default_value_t = 4)]
+        elements: usize,
+        /// Weight of smooth joins.
+        #[arg(long, default_value_t = 1.0)]
+        smoothness: f64,
+        /// A folder for the STEP files, target/solids by default.
+        #[arg(long)]
+        steps: Option<PathBuf>,
+        /// The file to write, docs/results/solids.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Every scan of a surface, fitted with the defaults: reported figures beside those of tests/peers/measure_step.py.
     Truth {
         /// A folder with the scans, by the names in xtask/src/tables/truth/files.rs; without it nothing is fitted.
@@ -528,6 +549,7 @@ fn main() -> Result<()> {
             std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
             println!("{}", path.display());
         }
+        Arguments::Tables(Tables::Solids { data: None, .. }) => println!("skipped: solids need --data DIR"),
         Arguments::Tables(tables) => {
             let (page, out, missing, text) = match tables {
                 Tables::Parcnn { data, train, out } => {
@@ -567,6 +589,19 @@ fn main() -> Result<()> {
                 Tables::Rwls { data, out } => {
                     let missing = data.is_none().then_some("measured clouds need --data DIR and were left out");
                     ("rwls", out, missing, tables::rwls::document(data.as_deref())?)
+                }
+                Tables::Solids { data, python, elements, smoothness, steps, out } => {
+                    let data = data.context("--data DIR is needed")?;
+                    let steps = steps.unwrap_or_else(|| root.join("target/solids"));
+                    let solids = tables::solids::Solids {
+                        data: &data,
+                        python: &python,
+                        root: &root,
+                        elements,
+                        smoothness,
+                        out: &steps,
+                    };
+                    ("solids", out, None, tables::solids::document(&solids, &mut |line| println!("{line}"))?)
                 }
                 Tables::Truth { .. } => unreachable!("handled above"),
                 Tables::Classical { data, out } => {

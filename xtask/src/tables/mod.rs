@@ -13,5 +13,6 @@ pub mod pargcn;
 pub mod qi;
 pub mod rwls;
 mod shapes;
+pub mod solids;
 pub mod truth;
 mod voids;
