@@ -377,7 +377,7 @@ mod tests {
     use crate::terms::data::Data;
     use crate::terms::smoothing::Smoothing;
     use crate::terms::springs::Springs;
-    use thb_core::{HierarchicalSpace, Kind, KnotVector, Quadrature, SplineMap, ThinPlate};
+    use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Quadrature, SplineMap, ThinPlate};
 
     /// The step is where the derivatives of what it minimizes vanish, by each coefficient and by each free parameter.
     #[test]

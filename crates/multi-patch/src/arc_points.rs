@@ -23,6 +23,9 @@ pub(crate) struct ArcElement {
     pub(crate) points: Vec<ArcPoint>,
 }
 
+/// Functions with their weights in T and in D.
+type Weights = Vec<(u32, [f64; 2])>;
+
 /// T, D_L and D_R at a point.
 pub(crate) type Derivatives = [[f64; 3]; 3];
 
@@ -71,8 +74,7 @@ fn arc_element(
     sides: [ArcUse; 2],
     places: &[(f64, f64)],
 ) -> Result<ArcElement, Error> {
-    // Of each point and side: functions with weights of T and D.
-    let mut found: Vec<[Vec<(u32, [f64; 2])>; 2]> = Vec::with_capacity(places.len());
+    let mut found: Vec<[Weights; 2]> = Vec::with_capacity(places.len());
     for &(t, _) in places {
         found.push([side_derivatives(space, sides[0], t)?, side_derivatives(space, sides[1], t)?]);
     }
@@ -96,7 +98,7 @@ fn arc_element(
 }
 
 /// Weights of the derivatives along the arc and into a patch, for the functions where one of them is not zero.
-fn side_derivatives(space: &MultiPatchSpace, on: ArcUse, t: f64) -> Result<Vec<(u32, [f64; 2])>, Error> {
+fn side_derivatives(space: &MultiPatchSpace, on: ArcUse, t: f64) -> Result<Weights, Error> {
     let u = side_point(on.side, if on.reversed { 1.0 - t } else { t });
     let cell = space.cell(space.locate(PatchPlace { patch: on.patch, u })?);
     let (mut first, mut second, mut scratch) = (Vec::new(), Vec::new(), Vec::new());

@@ -131,31 +131,32 @@ fn patches_that_fold_are_mapped_anew() {
 
 #[test]
 fn what_is_no_layout_is_refused() {
-    let refused = |change: &dyn Fn(&mut Vec<[f64; 3]>, &mut Vec<RawPatch>)| {
+    type Parts<'a> = (&'a mut Vec<[f64; 3]>, &'a mut Vec<RawPatch>);
+    let refused = |change: &dyn Fn(Parts<'_>)| {
         let (mut vertices, mut patches) = cube();
-        change(&mut vertices, &mut patches);
+        change((&mut vertices, &mut patches));
         QuadLayout::new(vertices, patches).unwrap_err()
     };
-    let error = refused(&|vertices, _| vertices[4][1] = f64::INFINITY);
+    let error = refused(&|(vertices, _)| vertices[4][1] = f64::INFINITY);
     assert_eq!(error, LayoutError::NotFinite { what: "vertex", index: 4 });
-    let error = refused(&|_, patches| patches[2].uv[3][0] = f64::NAN);
+    let error = refused(&|(_, patches)| patches[2].uv[3][0] = f64::NAN);
     assert!(matches!(error, LayoutError::NotFinite { index: 2, .. }));
-    let error = refused(&|_, patches| patches[2].triangles[0][1] = 9999);
+    let error = refused(&|(_, patches)| patches[2].triangles[0][1] = 9999);
     assert!(matches!(error, LayoutError::NoSuchVertex { patch: 2, vertex: 9999, .. }));
-    let error = refused(&|_, patches| patches[5].corners.swap(0, 1));
+    let error = refused(&|(_, patches)| patches[5].corners.swap(0, 1));
     assert!(matches!(error, LayoutError::BrokenPath { patch: 5, side: 0, .. }));
-    let error = refused(&|_, patches| {
+    let error = refused(&|(_, patches)| {
         patches[0].vertices.pop();
         patches[0].uv.pop();
     });
     assert!(matches!(error, LayoutError::NoParameters { patch: 0, .. }));
-    let error = refused(&|_, patches| {
+    let error = refused(&|(_, patches)| {
         let first = patches[0].clone();
         patches.push(first);
     });
     assert!(matches!(error, LayoutError::Topology(thb_core::TopologyError::TooManyPatches { .. })));
     // A patch seen from inside.
-    let error = refused(&|_, patches| {
+    let error = refused(&|(_, patches)| {
         let patch = &mut patches[0];
         patch.corners = [0, 3, 2, 1].map(|k: usize| patch.corners[k]);
         patch.paths.reverse();
@@ -165,7 +166,7 @@ fn what_is_no_layout_is_refused() {
     });
     assert!(matches!(error, LayoutError::Misoriented { .. }));
     // Two triangles less: a patch with a notch is a disk still, but its paths are not its rim.
-    let error = refused(&|_, patches| {
+    let error = refused(&|(_, patches)| {
         patches[1].triangles.truncate(2);
         patches[1].uv[0] = [0.5, 0.5];
     });

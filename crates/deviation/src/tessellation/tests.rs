@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ndarray::Array2;
 use point_cloud::TriangleTree;
 use proptest::prelude::*;
-use thb_core::{ClosestPoints, HierarchicalSpace, Kind, KnotVector, Refinement};
+use thb_core::{CellSpace, ClosestPoints, HierarchicalSpace, Kind, KnotVector, Refinement};
 
 use super::*;
 use crate::testing::Random;

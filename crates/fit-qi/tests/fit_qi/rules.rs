@@ -6,7 +6,7 @@ use crate::common::{Numbers, grid, image, random, tensor};
 use adaptive::{Iteration, Outcome, Solve, Stop, run};
 use fit_qi::{Error, LocalLambda, Options, QuasiInterpolation};
 use ndarray::{Array2, Axis, array};
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
+use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 fn options() -> Options<2> {
     Options { lambda: LocalLambda::Constant(1e-8), ..Options::default() }

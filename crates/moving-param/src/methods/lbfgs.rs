@@ -171,7 +171,7 @@ mod tests {
     use crate::terms::smoothing::Smoothing;
     use fit_ls::SortedPoints;
     use ndarray::Array2;
-    use thb_core::{HierarchicalSpace, Kind, KnotVector, ParameterBox, Refinement, SymmetricPattern, ThinPlate};
+    use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SymmetricPattern, ThinPlate};
 
     #[test]
     fn the_gradient_is_the_limit_of_differences() {

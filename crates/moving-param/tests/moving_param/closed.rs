@@ -9,7 +9,7 @@ use moving_param::{
     Boundary, Descent, Distance, FootPointOptions, JointOptions, Method, MovingFit, Options, Schedule, project,
 };
 use ndarray::Array2;
-use thb_core::{HierarchicalSpace, Kind, KnotVector, ParameterBox, SplineMap};
+use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, ParameterBox, SplineMap};
 
 /// A bicubic tube, closed in u, with an oval section.
 fn tube() -> SplineMap<2> {

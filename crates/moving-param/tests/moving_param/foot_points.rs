@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use moving_param::{Boundary, Descent, FootPointOptions, Start, project};
 use ndarray::Array2;
-use thb_core::{ClosestPoints, HierarchicalSpace, Kind, KnotVector, ParameterBox, Refinement, SplineMap};
+use thb_core::{CellSpace, ClosestPoints, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 /// Numbers in [0, 1) that depend on the seed only.
 struct Random(u64);

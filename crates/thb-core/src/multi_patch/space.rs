@@ -1,5 +1,6 @@
 //! The space of continuous splines on glued patches.
 
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use ndarray::{Array2, ArrayView2};
@@ -64,12 +65,13 @@ impl MultiPatchSpace {
                 let (first, second) = (of[side], of[side + 2]);
                 return Err(TopologyError::UnequalElements { patch, first, second }.into());
             }
-            let key = [of[0], of[1]];
-            if !known.contains_key(&key) {
-                let knots = [KnotVector::uniform(degree, key[0])?, KnotVector::uniform(degree, key[1])?];
-                known.insert(key, Arc::new(HierarchicalSpace::new(Kind::Thb, knots)?));
-            }
-            patches.push(Arc::clone(&known[&key]));
+            patches.push(match known.entry([of[0], of[1]]) {
+                Entry::Occupied(same) => Arc::clone(same.get()),
+                Entry::Vacant(free) => {
+                    let knots = [KnotVector::uniform(degree, of[0])?, KnotVector::uniform(degree, of[1])?];
+                    Arc::clone(free.insert(Arc::new(HierarchicalSpace::new(Kind::Thb, knots)?)))
+                }
+            });
         }
         let numbering = Numbering::new(&topology, elements.iter().map(|n| n + degree).collect());
         if numbering.total() >= IDENTITY as usize {

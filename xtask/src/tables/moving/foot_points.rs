@@ -17,7 +17,7 @@ use argmin_math as _;
 use moving_param::{Boundary, Descent, Distance, FootPointOptions, Method, Start, project};
 use ndarray::Array2;
 use rand::RngExt;
-use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
+use thb_core::{HierarchicalSpace, Kind, KnotVector, Refinement, SplineMap};
 
 use super::super::markdown::{figure, table};
 use super::asked::Asked;
