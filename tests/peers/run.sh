@@ -142,3 +142,11 @@ for degree in 2 3 5; do
     "$python" tests/peers/check_step.py "$work/wing.step" "$work/wing-3.csv"
 done
 echo "wing: passed"
+
+# Whole parts in six patches: a round one and a cube.
+for shape in "" --cube; do
+    "$python" tests/peers/make_layout.py "$work/part.off" "$work/part.layout.json" $shape
+    "$thb" fit "$work/part.off" --layout "$work/part.layout.json" -o "$work/part.step"
+    "$python" tests/peers/check_solid.py "$work/part.step" "$work/part.off" >"$work/part.json"
+done
+echo "solids: passed"

@@ -2,7 +2,6 @@
 
 use geom_io::model::{dxf, gismo, json, step, svg};
 use geom_io::{Geometry, Model, ModelErrorKind, StepOptions, SvgOptions};
-use thb_core::CellSpace;
 
 use super::messages;
 use crate::bounds::{Bounds, bounded};
