@@ -10,7 +10,7 @@ use reconstruct::{
     RadiusChoice, ReadOptions, Refine, ReweightingOptions, Samples, SideRule, SolidOptions, Tolerance, UpdateChoice,
 };
 
-use crate::solid::SolidArgs;
+use crate::solid_args::SolidArgs;
 
 /// Turns scans into truncated hierarchical B-spline surfaces that CAD opens.
 ///

@@ -2,7 +2,7 @@
 
 mod args;
 mod progress;
-mod solid;
+mod solid_args;
 
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::ops::ControlFlow;
@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Parser;
 use reconstruct::{
-    BatchEvent, BatchOptions, BatchResult, Error, ErrorKind, PartOutcome, PartResult, Verdict, run_batch,
+    BatchEvent, BatchOptions, BatchResult, Error, ErrorKind, PartOutcome, PartResult, SolidOptions, Verdict, run_batch,
 };
 use serde::Serialize;
 
@@ -85,7 +85,7 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
     let threads = at_most_four_a_core("--threads", options.threads);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     if let Some(solid) = args.solid_options() {
-        return solid::fit(args, &solid);
+        return fit_solid(args, &solid);
     }
     let batch = BatchOptions {
         outputs: args.outputs.clone(),
@@ -130,6 +130,34 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
         return Ok(FAILED);
     }
     Ok(if summary.is_err() { FAILED } else { exit_code(&results) })
+}
+
+/// Fits a whole part and says how good it is.
+fn fit_solid(args: &FitArgs, options: &SolidOptions) -> anyhow::Result<u8> {
+    let [input] = args.inputs.as_slice() else {
+        let given = format!("with {} inputs", args.inputs.len());
+        return Err(Error::OptionRange { option: "--layout", given, allowed: "with one input" }.into());
+    };
+    options.check()?;
+    reconstruct::check_solid_outputs(&args.outputs, args.report.as_deref())?;
+    let progress = Progress::new(1, options.within);
+    let mut watch = |event: reconstruct::Event<'_>| {
+        progress.show(BatchEvent::Within { input, event });
+        ControlFlow::Continue(())
+    };
+    let fitted = reconstruct::fit_solid_file(input, options, &mut watch);
+    let fitted = fitted.inspect(|fitted| progress.println(progress::solid_line(input, fitted)));
+    progress.finish();
+    let fitted = fitted?;
+    reconstruct::write_solid_outputs(&fitted, &args.outputs, args.report.as_deref())?;
+    // On a terminal the line stands there already.
+    if !fitted.reached() && !io::stderr().is_terminal() {
+        complain(&progress::solid_line(input, &fitted));
+    }
+    if !args.quiet {
+        fitted.report.reasons.iter().for_each(|reason| complain(&progress::named(input, &reason.to_string())));
+    }
+    Ok(if fitted.reached() { 0 } else { TOLERANCE_NOT_REACHED })
 }
 
 fn fit_curve(args: &CurveArgs) -> anyhow::Result<u8> {

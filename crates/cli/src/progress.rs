@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use reconstruct::{BatchEvent, Event, PartOutcome, PartResult, Reason, Verdict};
+use reconstruct::{BatchEvent, Event, PartOutcome, PartResult, Reason, SolidFit, Verdict};
 
 /// Shows how far a batch is.
 pub(crate) struct Progress {
@@ -99,4 +99,26 @@ pub(crate) fn named(input: &Path, warning: &str) -> String {
 pub(crate) fn reason(input: &Path, reason: &Reason) -> String {
     let place = reason.place.map_or(String::new(), |[x, y, z]| format!(", worst at ({x:.6}, {y:.6}, {z:.6})"));
     format!("{}: {}: {}{place} [{}]", name(input), reason.verdict, reason.text, reason.code)
+}
+
+/// What became of a whole part.
+pub(crate) fn solid_line(input: &Path, fit: &SolidFit) -> String {
+    let report = &fit.report;
+    let percent = |x: f64| 100.0 * x / report.diagonal;
+    let mut text = format!(
+        "{}: {} faces, {} control points, RMS {:.4} %, largest {:.3} % of the diagonal, angles up to {:.3}° (p99 {:.3}°, at vertices \
+         {:.3}°)",
+        input.display(),
+        report.layout.faces,
+        report.functions,
+        percent(report.mesh_to_surface.rms),
+        percent(report.mesh_to_surface.max),
+        report.angles.max,
+        report.angles.p99,
+        report.angles.at_vertices,
+    );
+    if let Some(volume) = report.volume {
+        text += &format!(", volume {:+.3} %", 100.0 * (volume.surface.abs() / volume.mesh.abs() - 1.0));
+    }
+    text + &format!(", {:.1} s", report.seconds)
 }

@@ -11,7 +11,8 @@ use crate::arc_points::{ArcElement, arc_elements};
 use crate::equations::Solver;
 use crate::feet::follow;
 use crate::samples::{Sample, Samples};
-use crate::terms::{Angles, Data, Kinks, Plates, State, Term};
+use crate::term::{State, Term};
+use crate::terms::{Angles, Data, Kinks, Plates};
 use crate::{Error, Options, Surface};
 
 /// Weight of the plates in the first step, and what it is multiplied by from step to step: parameters settle on a stiff surface first.

@@ -23,6 +23,8 @@ mod fit_tests;
 mod measure;
 mod options;
 mod samples;
+mod surface;
+mod term;
 mod terms;
 #[cfg(test)]
 mod testing;
@@ -32,6 +34,4 @@ pub use fit::{Fitted, Step, fit};
 pub use measure::{AngleReport, Integrals, angles, folds, integrals};
 pub use options::Options;
 pub use samples::{Sample, Samples};
-
-/// A surface of several patches in space.
-pub type Surface = thb_core::SplineMap<2, thb_core::MultiPatchSpace>;
+pub use surface::Surface;

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use thb_core::{PatchSide, PatchTopology};
 
-use crate::LayoutError;
 use crate::injective::{folded, map_anew};
+use crate::{LayoutError, LayoutPatch};
 
 /// A patch as it is given.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,17 +21,6 @@ pub struct RawPatch {
     /// Its vertices.
     pub vertices: Vec<u32>,
     /// The parameters of each of its vertices; corners 0 to 3 lie at (0, 0), (1, 0), (1, 1), (0, 1).
-    pub uv: Vec<[f64; 2]>,
-}
-
-/// A patch with its map onto the unit square.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LayoutPatch {
-    /// Corners of its triangles: numbers into `vertices` of the patch.
-    pub triangles: Vec<[u32; 3]>,
-    /// Its vertices, numbers into those of the layout.
-    pub vertices: Vec<u32>,
-    /// The parameters of each of its vertices.
     pub uv: Vec<[f64; 2]>,
 }
 

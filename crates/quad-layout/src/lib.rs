@@ -12,7 +12,9 @@ mod error;
 mod injective;
 mod layout;
 mod locate;
+mod patch;
 
 pub use error::LayoutError;
-pub use layout::{LayoutPatch, QuadLayout, RawPatch};
+pub use layout::{QuadLayout, RawPatch};
 pub use locate::{Locator, Spot};
+pub use patch::LayoutPatch;

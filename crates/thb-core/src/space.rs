@@ -2,7 +2,6 @@
 
 use crate::Error;
 use crate::knots::wrapped;
-use crate::tensor::unravel;
 
 /// How the functions of a cell combine its tensor-product B-splines.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,12 +144,15 @@ impl<const D: usize> Cell<'_, D> {
             crate::bernstein::derivatives(self.degree[d], order[d], (u[d] - self.lower[d]) / size, &mut basis[d]);
             scale /= size.powi(order[d] as i32);
         }
-        let counts = self.degree.map(|p| p + 1);
         out.clear();
-        out.extend((0..self.n_local()).map(|k| {
-            let index = unravel(k, counts);
-            scale * (0..D).map(|d| basis[d][index[d]]).product::<f64>()
-        }));
+        out.push(scale);
+        for d in 0..D {
+            scratch.clear();
+            for value in &basis[d][..=self.degree[d]] {
+                scratch.extend(out.iter().map(|product| product * value));
+            }
+            std::mem::swap(out, scratch);
+        }
         self.pull_back(out, 1, scratch);
     }
 

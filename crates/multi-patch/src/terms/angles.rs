@@ -19,9 +19,9 @@
 use point_cloud::vec3::{add, cross, dot, norm, scale as scaled, sub};
 use rayon::prelude::*;
 
-use super::{State, Term};
 use crate::arc_points::{ArcElement, ArcPoint, Derivatives};
 use crate::equations::Equations;
+use crate::term::{State, Term};
 
 /// Lengths below this share of the longest of the three derivatives count as this much: a corner where a patch has no plane has no angle,
 /// and must not outweigh all others.

@@ -2,10 +2,11 @@
 
 use thb_core::{CellSpace, MultiPatchSpace, SymmetricPattern};
 
-use super::{Angles, Data, Kinks, Plates, State, Term};
+use super::{Angles, Data, Kinks, Plates};
 use crate::arc_points::arc_elements;
 use crate::equations::{Equations, Solver};
 use crate::samples::Samples;
+use crate::term::{State, Term};
 use crate::testing::{ellipsoid, on_cube, random, space};
 
 /// Coefficients of a lumpy sphere: those of the cube's corners and so on are where their Greville points are, and moved at random.

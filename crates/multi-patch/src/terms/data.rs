@@ -4,8 +4,8 @@ use rayon::prelude::*;
 use thb_core::bernstein;
 use thb_core::{Cell, CellSpace, MAX_DEGREE};
 
-use super::{State, Term};
 use crate::equations::Equations;
+use crate::term::{State, Term};
 
 /// `(1/W) Σ_m w_m |S(u_m) − x_m|²` with W = Σ w_m. Linear in the coefficients once parameters are held, so its linearization is exact.
 pub(crate) struct Data;

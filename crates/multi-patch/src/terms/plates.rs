@@ -2,8 +2,8 @@
 
 use thb_core::{CellSpace, Error, MultiPatchSpace, Quadrature, SymmetricMatrix, SymmetricPattern, ThinPlate};
 
-use super::{State, Term};
 use crate::equations::Equations;
+use crate::term::{State, Term};
 
 /// `(μ/P) Σ_patches ∫ |S_uu|² + 2 |S_uv|² + |S_vv|²` over the unit squares of P patches: `(μ/P) Σ_k c_kᵀ G c_k` for the columns c_k of
 /// coefficients. Quadratic, so its linearization is exact.
