@@ -34,12 +34,14 @@ impl Equations {
 pub(crate) struct Solver {
     alike: Cholesky,
     coupled: Option<Cholesky>,
+    /// Whether a matrix was definite as it was: data and plates, which are part of every one, have a unique solution.
+    is_determined: bool,
 }
 
 impl Solver {
     pub(crate) fn new(pattern: &SymmetricPattern) -> Result<Self, Error> {
         let failed = |cause| Error::Solve { functions: pattern.n(), cause };
-        Ok(Self { alike: Cholesky::new(pattern).map_err(failed)?, coupled: None })
+        Ok(Self { alike: Cholesky::new(pattern).map_err(failed)?, coupled: None, is_determined: false })
     }
 
     /// Equations without any term; with a matrix for terms that couple coordinates if `is_coupled`.
@@ -63,7 +65,8 @@ impl Solver {
         let failed = |cause| Error::Solve { functions: n, cause };
         let Equations { mut alike, coupled, right } = equations;
         let (Some(coupled), Some(cholesky)) = (coupled, &mut self.coupled) else {
-            factorize(&mut self.alike, &mut alike).map_err(failed)?;
+            factorize(&mut self.alike, &mut alike, self.is_determined).map_err(failed)?;
+            self.is_determined = true;
             let right = Array2::from_shape_fn((n, 3), |(i, k)| right[3 * i + k]);
             return Ok(self.alike.solve(&right).map_err(failed)?.into_iter().collect());
         };
@@ -71,7 +74,7 @@ impl Solver {
         let parts = [alike.clone(), none.clone(), none.clone(), alike.clone(), none, alike];
         let mut matrix = SymmetricMatrix::from_blocks(cholesky.pattern(), &parts, 3)?;
         matrix.values_mut().iter_mut().zip(coupled.values()).for_each(|(a, b)| *a += b);
-        factorize(cholesky, &mut matrix).map_err(failed)?;
+        factorize(cholesky, &mut matrix, self.is_determined).map_err(failed)?;
         let right = Array2::from_shape_fn((3 * n, 1), |(i, _)| right[i]);
         Ok(cholesky.solve(&right).map_err(failed)?.into_iter().collect())
     }
@@ -80,11 +83,14 @@ impl Solver {
 /// Shares of the diagonal that are added to it, one after the other, where a matrix is not positive definite.
 ///
 /// Limit: round-off, at corners where weights of the angle term are 10⁶ times those of others. A step is shortened by it, and the point at
-/// which steps vanish is the same. What the last one does not help has no unique solution.
+/// which steps vanish is the same. Not before a matrix was definite without: too few data are an error.
 const DAMPING: [f64; 2] = [1e-12, 1e-10];
 
-fn factorize(cholesky: &mut Cholesky, matrix: &mut SymmetricMatrix) -> Result<(), FactorizationError> {
+fn factorize(cholesky: &mut Cholesky, matrix: &mut SymmetricMatrix, may_damp: bool) -> Result<(), FactorizationError> {
     let mut result = cholesky.factorize(matrix);
+    if !may_damp {
+        return result;
+    }
     for share in DAMPING {
         if result != Err(FactorizationError::NotPositiveDefinite) {
             break;
