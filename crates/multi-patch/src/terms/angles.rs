@@ -27,7 +27,7 @@ use crate::term::{State, Term};
 /// and must not outweigh all others.
 ///
 /// Limit: guards the quotients; the corners of usable layouts are far from it.
-const LEAST_SHARE: f64 = 1e-3;
+const LEAST_SHARE: f64 = 1e-6;
 
 /// Lengths that angles are measured by.
 #[derive(Clone, Copy, Debug)]
