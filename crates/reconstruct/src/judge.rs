@@ -297,7 +297,7 @@ where
         for trial in 1..=LOCAL_TRIALS {
             let fit = self.method.least_squares_mut();
             let mut more = fit.local_smoothing().to_vec();
-            more.extend(cells.iter().map(|&cell| stiffer_round(fit, map.space(), cell)));
+            more.extend(cells.iter().map(|&cell| stiffer_round(fit, map.space(), cell, trial as f64)));
             fit.smooth_locally(more);
             match self.crossed_when_fitted(judge, map.space())? {
                 Some(crossed) if crossed.is_empty() => {
@@ -350,14 +350,14 @@ where
     }
 }
 
-/// A box of ten times the smoothing that a cell has: round the cell and one of its size on either side, for the functions of a cell reach
-/// into its neighbours.
-fn stiffer_round(fit: &LeastSquares<2>, space: &HierarchicalSpace<2>, cell: usize) -> LocalSmoothing<2> {
+/// A box of ten times the smoothing that a cell has: round the cell and `rings` of its size on either side, one at first, for the functions
+/// of a cell reach into its neighbours, and one more each time that was too narrow.
+fn stiffer_round(fit: &LeastSquares<2>, space: &HierarchicalSpace<2>, cell: usize, rings: f64) -> LocalSmoothing<2> {
     let cell = space.cell(cell);
     let size = cell.size();
     LocalSmoothing {
-        lower: std::array::from_fn(|d| cell.lower[d] - size[d]),
-        upper: std::array::from_fn(|d| cell.upper[d] + size[d]),
+        lower: std::array::from_fn(|d| cell.lower[d] - rings * size[d]),
+        upper: std::array::from_fn(|d| cell.upper[d] + rings * size[d]),
         factor: fit.local_factor(&cell) / SOFTER,
     }
 }
@@ -417,6 +417,17 @@ where
         }
         self.openings -= 1;
         Ok(Missed::Places(crossed.into_iter().map(Mark::whole).collect()))
+    }
+
+    fn is_to_solve_again(&mut self, map: &SplineMap<2>) -> Result<bool, Error> {
+        let Some(judge) = self.judge else { return Ok(self.method.is_to_solve_again(map)?) };
+        // Where misses gather nothing else was looked for; a surface that loses detail is of use all the same.
+        let crossed = self.misses(judge, map, true)?.crossed;
+        let cured = !crossed.is_empty() && self.stiffen(judge, map, &crossed)?;
+        if cured {
+            self.softening.trials = 0;
+        }
+        Ok(cured)
     }
 
     fn refine(
