@@ -50,6 +50,15 @@ pub trait Solve<const D: usize> {
         Ok(Missed::Nothing)
     }
 
+    /// Asked where the loop would end although something is missing, as no cell may be refined or nothing got better: whether the method
+    /// has changed and is to solve on the same space again. It does so a limited number of times only: the loop does not count.
+    ///
+    /// # Errors
+    /// Those of the method.
+    fn is_to_solve_again(&mut self, _map: &SplineMap<D>) -> Result<bool, Self::Error> {
+        Ok(false)
+    }
+
     /// REFINE: the space with the marked cells refined, or the same cells where none of them can be. A method with spaces of
     /// its own, such as B-splines with inserted knots, refines in its own way; the others by [`HierarchicalSpace::refine_at`].
     ///

@@ -69,6 +69,11 @@ pub enum Stop {
 }
 
 impl Stop {
+    /// Whether the loop ended because refinement led, or would lead, no further.
+    fn is_for_want_of_progress(self) -> bool {
+        matches!(self, Self::Levels | Self::Data | Self::Dofs | Self::Stagnation)
+    }
+
     /// A short name for reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -167,8 +172,18 @@ pub fn run<const D: usize, S: Solve<D>>(
         let next = match (next, stop_before_refining(&record, &history, options, interrupted)) {
             (Next::End, _) => Err(Stop::ToleranceReached),
             (_, Some(stop)) => Err(stop),
-            (Next::Again, None) => Ok(space),
+            (Next::Again, None) => Ok(space.clone()),
             (Next::Refine(marked), None) => refine(method, &space, &marked, options).map(Arc::new),
+        };
+        let next = match next {
+            Err(stop) if stop.is_for_want_of_progress() => match method.is_to_solve_again(&map) {
+                Ok(again) => again.then(|| space.clone()).ok_or(stop),
+                Err(error) => {
+                    history.push(record);
+                    return Ok(Outcome { map, stop: Stop::Failed, failure: Some(error), history });
+                }
+            },
+            next => next,
         };
         record.seconds.refine = refining.elapsed().as_secs_f64();
         history.push(record);

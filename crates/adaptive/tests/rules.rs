@@ -31,6 +31,8 @@ struct Prescribed<E> {
     errors: Vec<f64>,
     /// What it misses once its points are near enough, the last one first.
     missed: Vec<Missed>,
+    /// How often it has changed where the loop would end.
+    again: usize,
 }
 
 /// Points per direction.
@@ -39,7 +41,7 @@ const GRID: usize = 32;
 impl<E: Fn([f64; 2], f64) -> f64> Prescribed<E> {
     fn new(error: E) -> Self {
         let (offsets, errors, missed) = (Vec::new(), Vec::new(), Vec::new());
-        Self { error, patience: usize::MAX, handed_over: Vec::new(), offsets, errors, missed }
+        Self { error, patience: usize::MAX, handed_over: Vec::new(), offsets, errors, missed, again: 0 }
     }
 }
 
@@ -79,6 +81,12 @@ impl<E: Fn([f64; 2], f64) -> f64> Solve<2> for Prescribed<E> {
 
     fn missed(&mut self, _map: &SplineMap<2>) -> Result<Missed, Refused> {
         Ok(self.missed.pop().unwrap_or(Missed::Nothing))
+    }
+
+    fn is_to_solve_again(&mut self, _map: &SplineMap<2>) -> Result<bool, Refused> {
+        let again = self.again > 0;
+        self.again -= usize::from(again);
+        Ok(again)
     }
 }
 
@@ -226,4 +234,21 @@ fn what_a_method_misses_is_done_although_all_points_are_near() {
     let mut method = Prescribed::new(|_, _| 0.0);
     method.missed = vec![Missed::Places(Vec::new())];
     assert_eq!(run(&mut method, space, &Options::default(), &mut all).unwrap().stop, Stop::Data);
+}
+
+#[test]
+fn a_method_may_go_on_where_refinement_does_not() {
+    // Two levels are allowed, and every error asks for a third; the method has changed twice by then.
+    let options = Options { tolerance: 1e-9, refinement: levels(2), ..Options::default() };
+    let mut method = Prescribed { again: 2, ..Prescribed::new(|_, size| size) };
+    let outcome = go(&mut method, &options);
+    assert_eq!(outcome.stop, Stop::Levels);
+    let dofs: Vec<usize> = outcome.history.iter().map(|iteration| iteration.dofs).collect();
+    assert!(dofs.len() == 4 && dofs[0] < dofs[1] && dofs[1..] == [dofs[1]; 3], "{dofs:?}");
+    // What the loop was told to do it does: the tolerance is reached, or it was interrupted.
+    let mut method = Prescribed { again: 1, ..Prescribed::new(|_, _| 0.0) };
+    assert_eq!((go(&mut method, &options).stop, method.again), (Stop::ToleranceReached, 1));
+    let mut method = Prescribed { again: 1, ..Prescribed::new(|_, size| size) };
+    let outcome = run(&mut method, start(), &options, &mut |_: &Iteration| ControlFlow::Break(())).unwrap();
+    assert_eq!((outcome.stop, method.again), (Stop::Interrupted, 1));
 }

@@ -29,7 +29,7 @@ const TRIALS: usize = 3;
 
 /// How often in a fit more smoothing is tried against a surface that passes through itself.
 ///
-/// Limit: each time costs up to [`LOCAL_TRIALS`] and [`TRIALS`] solutions on the same space.
+/// Limit: each time costs up to twice [`LOCAL_TRIALS`] and [`TRIALS`] solutions on the same space.
 const STIFFENINGS: usize = 3;
 
 /// How often in a fit the cells are refined in which the surface passes through itself.
@@ -283,7 +283,7 @@ where
 
     /// Whether the surface is as near to the scan and no longer passes through itself with more smoothing, which is then set. Between
     /// points that hold it from one side only, at a rim or beside what the scanner did not see, a surface winds where little smooths it.
-    /// First it is smoothed round the cells in which it passes through itself, then all over.
+    /// First it is smoothed next to the cells in which it passes through itself, then ever farther round them, then all over.
     ///
     /// Tried by least squares at the present parameters: nothing of the method changes but its smoothing, and what cures the surface is
     /// the next solution as it is.
@@ -293,22 +293,30 @@ where
         };
         self.stiffenings -= 1;
         let boxes = self.method.least_squares().local_smoothing().to_vec();
-        let mut cells = crossed.to_vec();
-        for trial in 1..=LOCAL_TRIALS {
-            let fit = self.method.least_squares_mut();
-            let mut more = fit.local_smoothing().to_vec();
-            more.extend(cells.iter().map(|&cell| stiffer_round(fit, map.space(), cell)));
-            fit.smooth_locally(more);
-            match self.crossed_when_fitted(judge, map.space())? {
-                Some(crossed) if crossed.is_empty() => {
-                    tracing::debug!(trial, "more smoothing there keeps the surface from passing through itself");
-                    return Ok(true);
+        // Next to the cells nothing is lost; farther round them detail may be.
+        for widening in [0, 1] {
+            let mut cells = crossed.to_vec();
+            for trial in 0..LOCAL_TRIALS {
+                let fit = self.method.least_squares_mut();
+                let rings = (1 + widening * trial) as f64;
+                let mut more = fit.local_smoothing().to_vec();
+                more.extend(cells.iter().map(|&cell| stiffer_round(fit, map.space(), cell, rings)));
+                fit.smooth_locally(more);
+                match self.crossed_when_fitted(judge, map.space())? {
+                    Some(crossed) if crossed.is_empty() => {
+                        tracing::debug!(
+                            trial,
+                            rings,
+                            "more smoothing there keeps the surface from passing through itself"
+                        );
+                        return Ok(true);
+                    }
+                    Some(crossed) => cells = crossed,
+                    None => break,
                 }
-                Some(crossed) => cells = crossed,
-                None => break,
             }
+            self.method.least_squares_mut().smooth_locally(boxes.clone());
         }
-        self.method.least_squares_mut().smooth_locally(boxes);
         for trial in 1..=TRIALS {
             let lambda = before / SOFTER.powi(trial as i32);
             self.method.least_squares_mut().hold_lambda(Some(lambda));
@@ -350,14 +358,14 @@ where
     }
 }
 
-/// A box of ten times the smoothing that a cell has: round the cell and one of its size on either side, for the functions of a cell reach
-/// into its neighbours.
-fn stiffer_round(fit: &LeastSquares<2>, space: &HierarchicalSpace<2>, cell: usize) -> LocalSmoothing<2> {
+/// A box of ten times the smoothing that a cell has: round the cell and `rings` of its size on either side, one at first, for the functions
+/// of a cell reach into its neighbours, and one more a trial where that does not do.
+fn stiffer_round(fit: &LeastSquares<2>, space: &HierarchicalSpace<2>, cell: usize, rings: f64) -> LocalSmoothing<2> {
     let cell = space.cell(cell);
     let size = cell.size();
     LocalSmoothing {
-        lower: std::array::from_fn(|d| cell.lower[d] - size[d]),
-        upper: std::array::from_fn(|d| cell.upper[d] + size[d]),
+        lower: std::array::from_fn(|d| cell.lower[d] - rings * size[d]),
+        upper: std::array::from_fn(|d| cell.upper[d] + rings * size[d]),
         factor: fit.local_factor(&cell) / SOFTER,
     }
 }
@@ -417,6 +425,17 @@ where
         }
         self.openings -= 1;
         Ok(Missed::Places(crossed.into_iter().map(Mark::whole).collect()))
+    }
+
+    fn is_to_solve_again(&mut self, map: &SplineMap<2>) -> Result<bool, Error> {
+        let Some(judge) = self.judge else { return Ok(self.method.is_to_solve_again(map)?) };
+        // Where misses gather nothing else was looked for; a surface that loses detail is of use all the same.
+        let crossed = self.misses(judge, map, true)?.crossed;
+        let cured = !crossed.is_empty() && self.stiffen(judge, map, &crossed)?;
+        if cured {
+            self.softening.trials = 0;
+        }
+        Ok(cured)
     }
 
     fn refine(

@@ -11,7 +11,7 @@ use crate::auto::{self, Chosen};
 use crate::densify::{Denser, area_weights, area_weights_of_cloud, bridge, densify, spacing_weights};
 use crate::judge::Judge;
 use crate::methods::{Fitted, Task};
-use crate::options::{LambdaChoice, Samples};
+use crate::options::{LambdaChoice, Method, Samples};
 use crate::problem::{Problem, errors_at, rows_of, triangles_among};
 use crate::{Error, FitOptions, Watch};
 
@@ -82,7 +82,9 @@ fn fit_scan(
     };
     // Points on the triangles of a mesh are the scan; those that bridge a stretch without points are guesses.
     let counted = if problem.is_mesh { usize::MAX } else { m };
-    let judges_loop = !by_points;
+    // What is known of given parameters, published figures among it, is known of single methods.
+    let asks_for_points = options.samples == Samples::Vertices || options.reweighting.is_asked_for();
+    let judges_loop = !by_points || (options.method == Method::Auto && !asks_for_points);
     let softens = options.lambda == LambdaChoice::Auto;
     let Some(dense) = dense else {
         let by_area = match judge.scan().weights() {
