@@ -80,7 +80,7 @@ pub fn document(solids: &Solids<'_>, progress: &mut dyn FnMut(&str)) -> Result<S
 fn row(solids: &Solids<'_>, layout: &Path) -> Result<Vec<String>> {
     let file = layout.file_name().unwrap_or_default().to_string_lossy();
     let name = file.trim_end_matches(".json.gz");
-    let mesh = solids.data.join("solids").join(format!("{}.off", name.rsplit_once('_').map_or(name, |(mesh, _)| mesh)));
+    let mesh = mesh_of(&solids.data.join("solids"), name.rsplit_once('_').map_or(name, |(mesh, _)| mesh))?;
     let options = SolidOptions {
         elements: solids.elements,
         smoothness: Smoothness::Weight(solids.smoothness),
@@ -118,6 +118,20 @@ fn row(solids: &Solids<'_>, layout: &Path) -> Result<Vec<String>> {
     row.push(format!("{seconds:.1}"));
     row.push(fit.report.reasons.first().map_or("reached".to_owned(), ToString::to_string));
     Ok(row)
+}
+
+/// The mesh of a name, `NAME.off`, or the first one that is called `NAME_…`.
+fn mesh_of(folder: &Path, name: &str) -> Result<PathBuf> {
+    let exact = folder.join(format!("{name}.off"));
+    if exact.is_file() {
+        return Ok(exact);
+    }
+    let listed = std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut like: Vec<PathBuf> = listed.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let prefix = format!("{name}_");
+    like.retain(|path| path.file_name().is_some_and(|file| file.to_string_lossy().starts_with(&prefix)));
+    like.sort();
+    like.into_iter().next().with_context(|| format!("no mesh {name} in {}", folder.display()))
 }
 
 /// The figures of the script. It ends with 1 where a solid is not good, but prints them all the same.
