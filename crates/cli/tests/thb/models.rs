@@ -157,7 +157,7 @@ fn compare_agrees_with_the_report() {
 #[test]
 fn compare_uses_the_parameters_of_a_cloud() {
     let lab = Lab::with("scan.csv", scans::cloud(1.0));
-    lab.succeeds("fit scan.csv -o part.json --report report.json");
+    lab.succeeds("fit scan.csv --method ls -o part.json --report report.json");
     let comparison = lab.prints_json("compare part.json scan.csv");
     let largest = comparison["max_at_parameters"].as_f64().unwrap();
     let expected = lab.json("report.json")["result"]["max"].as_f64().unwrap();
