@@ -14,6 +14,8 @@ pub mod targets;
 
 #[path = "../../crates/cli/src/args.rs"]
 mod args;
+#[path = "../../crates/cli/src/solid_args.rs"]
+mod solid_args;
 
 #[global_allocator]
 static ALLOCATOR: allocation::Counting = allocation::Counting;

@@ -7,7 +7,8 @@ use std::sync::{LazyLock, Mutex};
 use clap::{CommandFactory, FromArgMatches};
 use reconstruct::{
     BlendChoice, ClosedChoice, CornerChoice, Crop, CurveParameters, Ends, GivenCorners, KnotChoice, LambdaChoice,
-    LossChoice, Mark, MarkerChoice, Method, Pair, ParameterChoice, RadiusChoice, Tolerance, UpdateChoice,
+    LossChoice, Mark, MarkerChoice, Method, Pair, ParameterChoice, RadiusChoice, Sharp, Smoothness, Tolerance,
+    UpdateChoice,
 };
 
 use super::messages;
@@ -40,7 +41,10 @@ fn parse<'a>(typed: impl Iterator<Item = &'a str>) -> Result<Cli, clap::Error> {
 
 fn check(command: Command) {
     let result = match command {
-        Command::Fit(args) => args.options().check(),
+        Command::Fit(args) => match args.solid_options() {
+            Some(options) => options.check(),
+            None => args.options().check(),
+        },
         Command::FitCurve(args) => args.options().check(),
         Command::Param(args) => args.layout.options().check(),
         Command::Compare { read, .. } | Command::Info { read, .. } => {
@@ -71,6 +75,8 @@ fn values(text: &str) {
     value::<Pair>(text);
     value::<ParameterChoice>(text);
     value::<RadiusChoice>(text);
+    value::<Sharp>(text);
+    value::<Smoothness>(text);
     value::<Tolerance>(text);
     value::<UpdateChoice>(text);
 }
