@@ -63,13 +63,13 @@ const EDGE_OF_AREA: f64 = 1.519_671_371_303_185;
 
 /// Distance in tolerances up to which the point of the surface near a parameter is taken for the nearest one without looking further.
 ///
-/// Derived: larger distances are then the smallest ones, and the largest one is, if it is at least that; half of the time of a good fit
-/// is saved.
+/// Derived: larger distances are then those to the nearest point, and so is the largest one, if it is at least that.
 const NEAR_ENOUGH: f64 = 0.5;
 
-/// Change of a distance along a surface, per length, that is always allowed for in search of the largest.
+/// Change of a distance along a surface, per length, that is always allowed for in search of the largest: a place from which the distance
+/// does not change at first may lie beside a higher one.
 ///
-/// Derived: half of the largest distance over parts that are ten times as large.
+/// Limit: the places that are searched.
 const LEAST_SLOPE: f64 = 0.05;
 
 /// Reach of a point of a cloud in spacings, half of the distance up to which points are joined.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// Places at which distances are taken, beyond those known, in search of the farthest one.
 ///
-/// Limit: time; 20 to 40 ms.
+/// Limit: time.
 const MOST_SEARCHED: usize = 20_000;
 
 /// Pieces that are cut at a time.
@@ -24,7 +24,7 @@ const LARGEST_ERROR: f64 = 0.01;
 
 /// Parts of a side that a triangle is cut into at most at a time.
 ///
-/// Limit: a hundredth of the places that are searched.
+/// Limit: one hundredth of the places that are searched.
 const MOST_CUT: usize = 14;
 
 /// Fractional parts of the multiples of these two numbers fill the unit square evenly (Roberts 2018, the sequence R₂): the inverse

@@ -71,7 +71,8 @@ fn fit_scan(
     let places = rows_of(problem.points);
     let judge =
         Judge::new(&places, problem.triangles, problem.is_mesh, problem.parameters, problem.tolerance, options.within)?;
-    let by_points = problem.is_given || options.samples == Samples::Vertices || options.reweighting.is_asked_for();
+    let asks_for_points = options.samples == Samples::Vertices || options.reweighting.is_asked_for();
+    let by_points = problem.is_given || asks_for_points;
     let m = problem.points.nrows();
     let dense = if by_points {
         None
@@ -82,9 +83,8 @@ fn fit_scan(
     };
     // Points on the triangles of a mesh are the scan; those that bridge a stretch without points are guesses.
     let counted = if problem.is_mesh { usize::MAX } else { m };
-    // What is known of given parameters, published figures among it, is known of single methods.
-    let asks_for_points = options.samples == Samples::Vertices || options.reweighting.is_asked_for();
-    let judges_loop = !by_points || (options.method == Method::Auto && !asks_for_points);
+    // Published figures are those of single methods at given parameters.
+    let judges_loop = !asks_for_points && (!problem.is_given || options.method == Method::Auto);
     let softens = options.lambda == LambdaChoice::Auto;
     let Some(dense) = dense else {
         let by_area = match judge.scan().weights() {

@@ -39,7 +39,7 @@ const USED_BY: [(&str, &[&str]); 14] = [
 /// Packages outside: they may use every crate, and no crate may use them.
 const OUTSIDE: [&str; 3] = ["xtask", "workspace-tests", "workspace-benches"];
 
-/// The crate with the networks and its feature for training, which no crate on the way to the program switches on: it brings a third
+/// The crate with the networks and its feature for training, which no crate on the way to the program switches on: it brings a quarter
 /// of all packages.
 const TRAINING: (&str, &str) = ("param-nn", "candle");
 
@@ -53,10 +53,12 @@ pub(super) fn check(metadata: &Metadata) -> Vec<String> {
         }
         let own = package.dependencies.iter().filter(|dependency| dependency.path.is_some());
         findings.extend(own.clone().filter_map(|dependency| forbidden(name, &dependency.name)));
-        let trains =
-            |d: &&Dependency| d.uses_default_features || d.features.iter().any(|feature| feature == TRAINING.1);
-        if !OUTSIDE.contains(&name) && own.filter(|d| d.name == TRAINING.0).any(|d| trains(&d)) {
-            let (network, feature) = TRAINING;
+        let (network, feature) = TRAINING;
+        let trains = |d: &Dependency| {
+            d.name == network
+                && (d.uses_default_features || d.features.iter().any(|switched_on| switched_on == feature))
+        };
+        if !OUTSIDE.contains(&name) && own.into_iter().any(trains) {
             findings.push(format!("crate {name} uses {network} with feature {feature}; the program is built without"));
         }
     }

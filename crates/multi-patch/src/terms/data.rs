@@ -23,6 +23,15 @@ fn values(cell: &Cell<'_, 2>, u: [f64; 2], out: &mut Vec<f64>) {
     }
 }
 
+/// `x − S(u)` of a sample x in a cell, by values of the Bernstein polynomials at u and their coefficients, three each.
+fn residual(point: [f64; 3], basis: &[f64], coefficients: &[f64]) -> [f64; 3] {
+    let mut residual = point;
+    for (b, row) in basis.iter().zip(coefficients.chunks_exact(3)) {
+        (0..3).for_each(|k| residual[k] -= b * row[k]);
+    }
+    residual
+}
+
 /// Sums of one cell in its functions: `Σ w b bᵀ` and `Σ w b rᵀ` with residuals r.
 struct CellSums {
     matrix: Vec<f64>,
@@ -37,10 +46,7 @@ fn cell_sums(at: &State<'_>, number: usize, samples: &[u32]) -> CellSums {
     for &sample in samples {
         let sample = &at.samples.as_slice()[sample as usize];
         values(&cell, sample.place.u, &mut basis);
-        let mut residual = sample.point;
-        for (b, row) in basis.iter().zip(local.chunks_exact(3)) {
-            (0..3).for_each(|k| residual[k] -= b * row[k]);
-        }
+        let residual = residual(sample.point, &basis, &local);
         for (i, b) in basis.iter().enumerate() {
             let weighted = sample.weight * b;
             (0..3).for_each(|k| right[3 * i + k] += weighted * residual[k]);
@@ -63,10 +69,7 @@ impl Term for Data {
             for &sample in samples {
                 let sample = &at.samples.as_slice()[sample as usize];
                 values(&cell, sample.place.u, &mut basis);
-                let mut residual = sample.point;
-                for (b, row) in basis.iter().zip(local.chunks_exact(3)) {
-                    (0..3).for_each(|k| residual[k] -= b * row[k]);
-                }
+                let residual = residual(sample.point, &basis, &local);
                 sum += sample.weight * residual.iter().map(|r| r * r).sum::<f64>();
             }
             sum
