@@ -63,4 +63,45 @@ pub enum LayoutError {
         /// Why.
         reason: String,
     },
+    /// There is no triangle.
+    #[error("the mesh has no triangles")]
+    NoMesh,
+    /// Triangles do not close.
+    #[error("the mesh is open: {edges} edges have one triangle; close its holes first")]
+    OpenMesh {
+        /// Such edges.
+        edges: usize,
+    },
+    /// More than two triangles meet in an edge.
+    #[error("{edges} edges have more than two triangles; the mesh is not the surface of one body")]
+    EdgeOfMany {
+        /// Such edges.
+        edges: usize,
+    },
+    /// Neighbouring triangles disagree on which side is outside.
+    #[error("the triangles at {edges} edges are oriented differently; make them agree on the outside first")]
+    MixedOrientation {
+        /// Such edges.
+        edges: usize,
+    },
+    /// The surface touches itself in a vertex.
+    #[error("the surface touches itself at vertex {vertex} (counted from 0); make it two vertices first")]
+    PinchedVertex {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// The mesh has several pieces.
+    #[error("the mesh has {pieces} pieces; a layout is made for one: fit each by itself")]
+    Pieces {
+        /// How many.
+        pieces: usize,
+    },
+    /// No layout was found.
+    #[error("no layout in patches was found: {regions} regions are left, {reason}; smaller ones or a finer mesh may help")]
+    NotCut {
+        /// Regions that could not be cut.
+        regions: usize,
+        /// Why.
+        reason: &'static str,
+    },
 }

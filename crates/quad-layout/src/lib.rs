@@ -7,6 +7,7 @@
 //!
 //! The crate reads no file and knows nothing of how the surface is fitted.
 
+mod build;
 mod creases;
 mod error;
 mod injective;
@@ -14,6 +15,7 @@ mod layout;
 mod locate;
 mod patch;
 
+pub use build::{BuildOptions, CreaseRule};
 pub use error::LayoutError;
 pub use layout::{QuadLayout, RawPatch};
 pub use locate::{Locator, Spot};

@@ -1,0 +1,102 @@
+//! Which edges of a mesh are creases, and whether it has any.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use point_cloud::vec3::{cross, dot, norm};
+
+use super::mesh::WorkMesh;
+use crate::CreaseRule;
+
+/// Edges at which facets meet at more than this, in degrees, are creases if the mesh has any.
+const SHARP: f64 = 40.0;
+
+/// Angles between these, in degrees, are rare where a mesh has creases: they lie between those of facets of one smooth face and those of
+/// creases. Their length counts against that of edges sharper than [`VERY_SHARP`], or of all that are sharp.
+const VALLEY: [f64; 2] = [30.0, 50.0];
+const BELOW_SHARP: [f64; 2] = [20.0, 40.0];
+const VERY_SHARP: f64 = 60.0;
+
+/// Largest shares of the lengths in the ranges above that a mesh with creases has.
+///
+/// Calibrated: of 26 meshes, parts with creases have at most 0.05 and 0.61, smooth coarse ones and bones at least 1.4 and 0.9.
+const MOST_IN_VALLEY: f64 = 0.4;
+const MOST_BELOW_SHARP: f64 = 0.5;
+
+/// A crease that ends in a smooth place and is shorter than this share of the diagonal is none.
+const SHORT_END: f64 = 0.05;
+
+/// Creases without a closed line are none if they are shorter, as a share of the diagonal.
+const SHORT_PIECE: f64 = 0.12;
+
+/// The edges of a mesh, of diagonal 1, that are creases.
+pub(super) fn creases(mesh: &WorkMesh, rule: CreaseRule) -> BTreeSet<[u32; 2]> {
+    let angles = angles(mesh);
+    let least = match rule {
+        CreaseRule::Off => return BTreeSet::new(),
+        CreaseRule::Angle(degrees) => degrees,
+        CreaseRule::Auto if has_creases(mesh, &angles) => SHARP,
+        CreaseRule::Auto => return BTreeSet::new(),
+    };
+    let sharp = angles.iter().filter(|(_, angle)| **angle > least).map(|(&side, _)| side).collect();
+    without_short_ends(mesh, sharp)
+}
+
+/// The angle, in degrees, at which facets meet in each edge.
+fn angles(mesh: &WorkMesh) -> BTreeMap<[u32; 2], f64> {
+    let mut beside: BTreeMap<[u32; 2], Vec<[f64; 3]>> = BTreeMap::new();
+    for (face, corners) in mesh.faces.iter().enumerate() {
+        for k in 0..3 {
+            let side = super::mesh::edge(corners[k], corners[(k + 1) % 3]);
+            beside.entry(side).or_default().push(mesh.area_vector(face));
+        }
+    }
+    let angle = |sides: &[[f64; 3]]| match sides {
+        [a, b] => norm(cross(*a, *b)).atan2(dot(*a, *b)).to_degrees(),
+        _ => 0.0,
+    };
+    beside.iter().map(|(&side, sides)| (side, angle(sides))).collect()
+}
+
+/// Whether few edges have angles between those of smooth faces and those of creases.
+fn has_creases(mesh: &WorkMesh, angles: &BTreeMap<[u32; 2], f64>) -> bool {
+    let length = |from: f64, to: f64| -> f64 {
+        let within = angles.iter().filter(|(_, angle)| (from..to).contains(*angle));
+        within.map(|(&[a, b], _)| mesh.length(a, b)).sum()
+    };
+    let very_sharp = length(VERY_SHARP, 181.0);
+    let sharp = length(SHARP, 181.0);
+    let gap = length(VALLEY[0], VALLEY[1]) < MOST_IN_VALLEY * very_sharp;
+    sharp > SHORT_PIECE && (gap || length(BELOW_SHARP[0], BELOW_SHARP[1]) < MOST_BELOW_SHARP * sharp)
+}
+
+/// Takes away chains of edges that end in a smooth place, if they are short, and pieces without a closed line, if they are short.
+fn without_short_ends(mesh: &WorkMesh, mut sharp: BTreeSet<[u32; 2]>) -> BTreeSet<[u32; 2]> {
+    loop {
+        let mut at: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for &[a, b] in &sharp {
+            at.entry(a).or_default().push(b);
+            at.entry(b).or_default().push(a);
+        }
+        let mut removed = Vec::new();
+        for (&end, others) in at.iter().filter(|(_, others)| others.len() == 1) {
+            let (mut chain, mut length) = (vec![[end, others[0]]], mesh.length(end, others[0]));
+            let (mut before, mut now) = (end, others[0]);
+            while let [a, b] = at[&now][..] {
+                let next = if a == before { b } else { a };
+                length += mesh.length(now, next);
+                chain.push([now, next]);
+                (before, now) = (now, next);
+            }
+            let is_piece = at[&now].len() == 1;
+            if length < if is_piece { SHORT_PIECE } else { SHORT_END } {
+                removed.extend(chain.into_iter().map(|[a, b]| super::mesh::edge(a, b)));
+            }
+        }
+        if removed.is_empty() {
+            return sharp;
+        }
+        removed.iter().for_each(|side| {
+            sharp.remove(side);
+        });
+    }
+}

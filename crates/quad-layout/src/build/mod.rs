@@ -1,0 +1,103 @@
+//! Layouts made from a mesh alone.
+//!
+//! 1. Triangles are split until there are enough (`refine`), creases found (`features`) and made lines with places where arcs cross them
+//!    (`lines`).
+//! 2. Faces go to the nearest seed, in place and direction (`regions`); seeds are added until each region is a disk (`plan`).
+//! 3. Regions become polygons (`patchwork`), whose borders are drawn anew (`straighten`).
+//! 4. Borders are halved, or not, so that each polygon has an even number of sides and a good cut into patches (`patterns`, `choose`).
+//! 5. Polygons are cut (`disk`, `patches`).
+
+mod choose;
+mod disk;
+mod features;
+mod lines;
+mod mesh;
+mod patches;
+mod patchwork;
+mod patterns;
+mod plan;
+mod refine;
+mod regions;
+mod straighten;
+
+use point_cloud::vec3::{add, norm, scale, sub};
+
+use crate::{LayoutError, QuadLayout};
+use mesh::WorkMesh;
+use plan::Plan;
+
+/// Which edges of a mesh are creases.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CreaseRule {
+    /// Those sharper than 40°, if few edges have angles between those of smooth faces and those of creases; none otherwise.
+    Auto,
+    /// Those sharper than this, in degrees.
+    Angle(f64),
+    /// None.
+    Off,
+}
+
+/// How a layout is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuildOptions {
+    /// Largest distance of a place from the seed of its region, as a share of the diagonal: fewer and larger patches with more.
+    pub radius: f64,
+    /// Which edges are creases.
+    pub creases: CreaseRule,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self { radius: 0.25, creases: CreaseRule::Auto }
+    }
+}
+
+/// Rounds in which regions that cannot be cut are parted.
+///
+/// Limit: each takes as long as the first.
+const ROUNDS: usize = 6;
+
+impl QuadLayout {
+    /// Cuts a closed mesh into patches of four sides: creases lie on arcs, and no smooth vertex has two patches. Vertices in one place
+    /// must be one. The result does not depend on the number of threads.
+    ///
+    /// # Errors
+    /// [`LayoutError`]: for meshes that are open, of several pieces, or not the surface of anything; [`LayoutError::NotCut`] where
+    /// no layout was found.
+    pub fn of_mesh(points: &[[f64; 3]], triangles: &[[u32; 3]], options: &BuildOptions) -> Result<Self, LayoutError> {
+        let [lower, upper] = box_of(triangles.iter().flatten().filter_map(|&v| points.get(v as usize)));
+        let (centre, diagonal) = (scale(0.5, add(lower, upper)), norm(sub(upper, lower)));
+        let placed = points.iter().map(|p| scale(1.0 / diagonal, sub(*p, centre))).collect();
+        let mut mesh = WorkMesh::new(placed, triangles.to_vec())?;
+        mesh.sharp = features::creases(&mesh, options.creases);
+        refine::refine(&mut mesh);
+        let mut plan = Plan::new(mesh, options.radius);
+        let mut left = Vec::new();
+        for _ in 0..ROUNDS {
+            let mut work = plan.patchwork()?;
+            work.straighten();
+            let choice = choose::choose(&work);
+            match patches::patches(&mut work, &choice) {
+                Ok((patches, _)) => {
+                    tracing::info!(
+                        regions = work.polygons.len(),
+                        patches = patches.len(),
+                        cost = choice.costs.iter().sum::<f64>(),
+                        "layout of a mesh"
+                    );
+                    let layout = QuadLayout::new(work.points, patches)?;
+                    return Ok(layout.moved(|p| add(centre, scale(diagonal, p))));
+                }
+                Err(failed) => left = failed,
+            }
+            plan.part(&left)?;
+        }
+        Err(LayoutError::NotCut { regions: left.len(), reason: "their parts are no disks" })
+    }
+}
+
+fn box_of<'a>(points: impl Iterator<Item = &'a [f64; 3]>) -> [[f64; 3]; 2] {
+    points.fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[lower, upper], p| {
+        [std::array::from_fn(|k| lower[k].min(p[k])), std::array::from_fn(|k| upper[k].max(p[k]))]
+    })
+}

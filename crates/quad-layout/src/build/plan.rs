@@ -1,0 +1,281 @@
+//! Where regions begin: seeds are added until each region is a disk with three sides at least.
+
+use std::collections::BTreeSet;
+
+use super::choose::MOST_SIDES;
+use super::lines::{Lines, Seeds};
+use super::mesh::{Neighbours, WorkMesh, edge};
+use super::patchwork::Patchwork;
+use super::refine::part_from_creases;
+use super::regions::{Ground, Regions};
+use crate::LayoutError;
+
+/// Spacing of crossings along creases, in radii of regions.
+const SPACING: f64 = 1.5;
+
+/// Edges of a crease between two crossings, at least.
+const EDGES: usize = 4;
+
+/// Rounds in which seeds are added, and in which triangles along creases are split.
+///
+/// Limit: a region is added a round at least; a part of 133 handles takes more.
+const ROUNDS: usize = 60;
+const SPLITS: usize = 8;
+
+/// Rounds of averaging normals.
+const SMOOTHING: usize = 4;
+
+/// An interval of a crease is halved, rather than a seed put in the inside, if it is longer than this times the way inside.
+const LONG: f64 = 2.5;
+
+/// A mesh with creases, and the seeds so far.
+pub(super) struct Plan {
+    mesh: WorkMesh,
+    neighbours: Neighbours,
+    lines: Lines,
+    crossings: BTreeSet<u32>,
+    radius: f64,
+    single: Vec<u32>,
+    /// The regions at the last attempt.
+    regions: Option<Regions>,
+}
+
+impl Plan {
+    pub(super) fn new(mut mesh: WorkMesh, radius: f64) -> Self {
+        part_from_creases(&mut mesh);
+        let mut lines = Lines::trace(&mesh);
+        let mut crossings = BTreeSet::new();
+        for line in &mut lines.lines {
+            line.cross(&mesh, SPACING * radius);
+            crossings.extend(line.crossings.iter().map(|&at| line.path[at]));
+        }
+        let neighbours = mesh.neighbours();
+        let mut plan = Self { mesh, neighbours, lines, crossings, radius, single: Vec::new(), regions: None };
+        plan.split();
+        let ground = Ground::new(&plan.mesh, &plan.neighbours, SMOOTHING);
+        let seeds = plan.lines.seeds(&plan.mesh, &plan.neighbours);
+        plan.single = ground.spread(&seeds.faces, radius);
+        plan
+    }
+
+    /// Splits triangles along creases until there is room; seeds lose their places.
+    fn split(&mut self) {
+        for _ in 0..SPLITS {
+            self.neighbours = self.mesh.neighbours();
+            self.lines = Lines::trace(&self.mesh);
+            for line in &mut self.lines.lines {
+                let end = line.path.len() - 1;
+                let is_inner = |at: &usize| (line.is_closed || *at > 0) && *at < end;
+                line.crossings =
+                    (0..=end).filter(is_inner).filter(|&at| self.crossings.contains(&line.path[at])).collect();
+            }
+            let mut halved: BTreeSet<[u32; 2]> = BTreeSet::new();
+            for line in &self.lines.lines {
+                for pair in line.ends().windows(2).filter(|pair| pair[1] - pair[0] < EDGES) {
+                    halved.extend((pair[0]..pair[1]).map(|i| edge(line.path[i], line.path[i + 1])));
+                }
+            }
+            for vertex in self.lines.seeds(&self.mesh, &self.neighbours).crowded {
+                for (face, k) in self.mesh.fan(&self.neighbours, vertex) {
+                    let corners = self.mesh.faces[face as usize];
+                    halved.insert(edge(corners[(k + 1) % 3], corners[(k + 2) % 3]));
+                }
+            }
+            if halved.is_empty() {
+                return;
+            }
+            self.mesh.halve(&halved);
+            part_from_creases(&mut self.mesh);
+        }
+    }
+
+    /// Regions that are all disks of three sides at least, as polygons.
+    ///
+    /// # Errors
+    /// [`LayoutError::NotCut`].
+    pub(super) fn patchwork(&mut self) -> Result<Patchwork, LayoutError> {
+        let mut left = 0;
+        for _ in 0..ROUNDS {
+            let seeds = self.lines.seeds(&self.mesh, &self.neighbours);
+            let undecided = self.cross_at(&seeds);
+            if undecided {
+                continue;
+            }
+            let ground = Ground::new(&self.mesh, &self.neighbours, SMOOTHING);
+            let mut regions = ground.grow(&seeds.faces, &self.single);
+            ground.clean(&mut regions);
+            let mut unfit = ground.unfit(&regions);
+            let mut at_borders = Vec::new();
+            if unfit.is_empty() {
+                match Patchwork::new(&ground, &regions, &self.lines.corners) {
+                    Ok(work) => {
+                        at_borders = few_sided(&work);
+                        let many = |region: &u32| work.polygons[*region as usize].len() > MOST_SIDES;
+                        unfit = (0..regions.count as u32).filter(many).collect();
+                        if at_borders.is_empty() && unfit.is_empty() {
+                            self.regions = Some(regions);
+                            return Ok(work);
+                        }
+                    }
+                    Err(bare) => unfit = bare,
+                }
+            }
+            left = unfit.len() + at_borders.len();
+            tracing::debug!(regions = regions.count, ?unfit, ?at_borders, "regions are added");
+            let additions: Vec<Addition> =
+                unfit.iter().filter_map(|&region| self.within(&ground, &seeds, &regions, region)).collect();
+            let borders: Vec<Addition> =
+                at_borders.iter().filter_map(|path| self.beside(&regions, path)).collect();
+            let before = (self.single.len(), self.crossings.len());
+            additions.into_iter().chain(borders).for_each(|addition| self.add(addition));
+            if before == (self.single.len(), self.crossings.len()) {
+                break;
+            }
+        }
+        Err(LayoutError::NotCut { regions: left.max(1), reason: "they become no disks of three sides" })
+    }
+
+    /// Parts regions of the last patchwork.
+    ///
+    /// # Errors
+    /// [`LayoutError::NotCut`] where there is no room.
+    pub(super) fn part(&mut self, of: &[u32]) -> Result<(), LayoutError> {
+        let Some(regions) = self.regions.take() else { return Ok(()) };
+        let seeds = self.lines.seeds(&self.mesh, &self.neighbours);
+        let ground = Ground::new(&self.mesh, &self.neighbours, SMOOTHING);
+        let additions: Vec<Addition> =
+            of.iter().filter_map(|&region| self.within(&ground, &seeds, &regions, region)).collect();
+        let before = (self.single.len(), self.crossings.len());
+        additions.into_iter().for_each(|addition| self.add(addition));
+        if before == (self.single.len(), self.crossings.len()) {
+            return Err(LayoutError::NotCut { regions: of.len(), reason: "there is no room for smaller ones" });
+        }
+        Ok(())
+    }
+
+    /// More crossings where arcs would have one region on both sides; whether there are any.
+    fn cross_at(&mut self, seeds: &Seeds) -> bool {
+        let mut added = false;
+        for &vertex in &seeds.undecided {
+            let Some(region) = self.region_at(seeds, vertex) else { continue };
+            if let Some(vertex) = self.longest_interval(seeds, region).and_then(|(_, vertex)| vertex) {
+                added |= self.crossings.insert(vertex);
+            }
+        }
+        if added {
+            self.split_keeping_seeds();
+        }
+        added
+    }
+
+    fn region_at(&self, seeds: &Seeds, vertex: u32) -> Option<usize> {
+        // The region that is on both sides of a border that leaves the vertex.
+        let at = seeds.of_half_edge.iter().filter(|((a, b), _)| *a == vertex || *b == vertex);
+        let mut regions: Vec<usize> = at.map(|(_, region)| *region).collect();
+        regions.sort_unstable();
+        let twice = regions.chunk_by(|a, b| a == b).max_by_key(|run| run.len())?;
+        twice.first().copied()
+    }
+
+    /// The longest interval along a region: its length, and a vertex in its middle if there is one.
+    fn longest_interval(&self, seeds: &Seeds, region: usize) -> Option<(f64, Option<u32>)> {
+        let mut best: Option<(f64, Option<u32>)> = None;
+        for line in &self.lines.lines {
+            let lengths = line.lengths(&self.mesh);
+            for (interval, pair) in line.ends().windows(2).enumerate() {
+                let step = (line.path[pair[0]], line.path[pair[0] + 1]);
+                let is_beside = [step, (step.1, step.0)].iter().any(|s| seeds.of_half_edge.get(s) == Some(&region));
+                let length = lengths[pair[1]] - lengths[pair[0]];
+                if is_beside && best.is_none_or(|(longest, _)| length > longest) {
+                    let mut crossed = line.clone();
+                    let before = crossed.crossings.clone();
+                    let is_room = crossed.cross_within(&self.mesh, interval);
+                    let new = crossed.crossings.iter().find(|at| !before.contains(at));
+                    best = Some((length, new.filter(|_| is_room).map(|&at| line.path[at])));
+                }
+            }
+        }
+        best
+    }
+
+    /// What parts a region.
+    fn within(&self, ground: &Ground<'_>, seeds: &Seeds, regions: &Regions, region: u32) -> Option<Addition> {
+        let far = ground.farthest(regions, Some(region));
+        let interval = self.longest_interval(seeds, region as usize).filter(|_| (region as usize) < seeds.faces.len());
+        match (far, interval) {
+            (Some((_, far)), Some((length, Some(vertex)))) if length > LONG * far => Some(Addition::Crossing(vertex)),
+            (Some((face, far)), _) if far > 0.0 => Some(Addition::Seed(face)),
+            (_, Some((_, Some(vertex)))) => Some(Addition::Crossing(vertex)),
+            _ => None,
+        }
+    }
+
+    /// What gives a region with few sides another one: a seed at the middle of a smooth border, a crossing in that of a crease.
+    fn beside(&self, regions: &Regions, path: &[u32]) -> Option<Addition> {
+        let middle = path[path.len() / 2];
+        if self.mesh.sharp.contains(&edge(path[0], path[1])) {
+            return (!self.crossings.contains(&middle)).then_some(Addition::Crossing(middle));
+        }
+        let fan = self.mesh.fan(&self.neighbours, middle);
+        let far = |face: &u32| regions.distance[*face as usize];
+        let face = fan.iter().map(|(face, _)| *face).max_by(|a, b| far(a).total_cmp(&far(b)).then(b.cmp(a)))?;
+        Some(Addition::Seed(face))
+    }
+
+    fn add(&mut self, addition: Addition) {
+        match addition {
+            Addition::Seed(face) if !self.single.contains(&face) => self.single.push(face),
+            Addition::Seed(_) => {}
+            Addition::Crossing(vertex) => {
+                if self.crossings.insert(vertex) {
+                    self.split_keeping_seeds();
+                }
+            }
+        }
+    }
+
+    /// Splits triangles; single seeds go to the faces nearest to where they were.
+    fn split_keeping_seeds(&mut self) {
+        let places: Vec<([f64; 3], [f64; 3])> = self
+            .single
+            .iter()
+            .map(|&face| (self.mesh.centre(face as usize), self.mesh.area_vector(face as usize)))
+            .collect();
+        let before = self.mesh.faces.len();
+        self.split();
+        if self.mesh.faces.len() == before {
+            return;
+        }
+        let corners: Vec<[[f64; 3]; 3]> = (0..self.mesh.faces.len()).map(|face| self.mesh.corners(face)).collect();
+        let tree = point_cloud::TriangleTree::new(&corners);
+        self.single = places.iter().map(|(place, _)| tree.nearest(*place).triangle).collect();
+    }
+}
+
+/// What parts a region.
+#[derive(Clone, Copy, Debug)]
+enum Addition {
+    Seed(u32),
+    Crossing(u32),
+}
+
+/// The longest border of each region of fewer than three sides, and borders with one region on both sides.
+fn few_sided(work: &Patchwork) -> Vec<Vec<u32>> {
+    let mut found = Vec::new();
+    for polygon in &work.polygons {
+        let meets_itself = polygon.iter().any(|side| {
+            let [a, b] = work.borders[side.border].sides;
+            a == b
+        });
+        if polygon.len() < 3 || meets_itself {
+            let smooth = polygon.iter().filter(|side| !work.borders[side.border].is_sharp);
+            let all = polygon.iter();
+            let longest = |sides: Vec<_>| -> Option<Vec<u32>> {
+                let paths = sides.into_iter().map(|&side| work.path(side));
+                paths.max_by(|a: &Vec<u32>, b: &Vec<u32>| work.length(a).total_cmp(&work.length(b)))
+            };
+            found.extend(longest(smooth.collect()).or_else(|| longest(all.collect())));
+        }
+    }
+    found
+}

@@ -1,0 +1,54 @@
+//! Splits triangles until there are enough to draw a layout on.
+
+use std::collections::BTreeSet;
+
+use super::mesh::{WorkMesh, edge};
+
+/// Triangles that a layout is drawn on, at least: arcs between patches follow edges first.
+///
+/// Limit: with 40 patches an arc has some 15 edges.
+const TRIANGLES: f64 = 10_000.0;
+
+/// Rounds of halving. Limit: an edge of the length of the part is cut into 2¹⁰.
+const ROUNDS: usize = 10;
+
+/// Edges longer than this times the side of an even triangulation of [`TRIANGLES`] are halved.
+const LONG: f64 = 1.5;
+
+/// Halves long edges.
+pub(super) fn refine(mesh: &mut WorkMesh) {
+    let area: f64 = (0..mesh.faces.len()).map(|face| mesh.area(face)).sum();
+    let longest = LONG * (4.0 * area / (3.0_f64.sqrt() * TRIANGLES)).sqrt();
+    for _ in 0..ROUNDS {
+        let long = edges_where(mesh, |mesh, [a, b]| mesh.length(a, b) > longest);
+        if long.is_empty() {
+            return;
+        }
+        mesh.halve(&long);
+    }
+}
+
+/// The edges for which something holds.
+pub(super) fn edges_where(mesh: &WorkMesh, holds: impl Fn(&WorkMesh, [u32; 2]) -> bool) -> BTreeSet<[u32; 2]> {
+    let sides = mesh.faces.iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]);
+    let mut found: Vec<[u32; 2]> = sides.filter(|&side| holds(mesh, side)).collect();
+    found.sort_unstable();
+    found.dedup();
+    found.into_iter().collect()
+}
+
+/// Splits until each face touches creases in a vertex or in one sharp edge and nowhere else.
+pub(super) fn part_from_creases(mesh: &mut WorkMesh) {
+    let on_crease: BTreeSet<u32> = mesh.sharp.iter().flatten().copied().collect();
+    let bridges = edges_where(mesh, |mesh, side| {
+        side.iter().all(|v| on_crease.contains(v)) && !mesh.sharp.contains(&side)
+    });
+    mesh.halve(&bridges);
+    for face in 0..mesh.faces.len() {
+        let [a, b, c] = mesh.faces[face];
+        let sharp = [edge(a, b), edge(b, c), edge(c, a)].iter().filter(|side| mesh.sharp.contains(*side)).count();
+        if sharp > 1 {
+            mesh.cut_at_centre(face);
+        }
+    }
+}

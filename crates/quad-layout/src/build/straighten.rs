@@ -1,0 +1,141 @@
+//! Borders drawn anew: regions grown over faces have jagged borders, and nodes where they happened to meet.
+
+use std::collections::BTreeSet;
+
+use super::disk::{Disk, SNAPS};
+use super::patchwork::{Patchwork, Side};
+
+/// How often every node is drawn anew.
+const SWEEPS: usize = 3;
+
+/// A node with what meets there, counter-clockwise.
+struct Star {
+    /// Borders, as sides that leave the node.
+    spokes: Vec<Side>,
+    /// The region between each and the next.
+    regions: Vec<usize>,
+}
+
+impl Patchwork {
+    /// Moves smooth nodes to the middles of those around, in a map of the regions round each, with straight borders to them; and
+    /// borders between two nodes on creases to straight ones.
+    pub(super) fn straighten(&mut self) {
+        let on_crease = self.on_crease();
+        for _ in 0..SWEEPS {
+            let nodes: BTreeSet<u32> = self.polygons.iter().flatten().map(|&side| self.start(side)).collect();
+            for node in nodes.difference(&on_crease) {
+                if let Some(star) = self.star(*node) {
+                    let _kept_as_it_is_otherwise = SNAPS.iter().any(|&snap| self.redraw_star(&star, snap).is_some());
+                }
+            }
+            for border in 0..self.borders.len() {
+                let path = &self.borders[border].path;
+                let ends = [path[0], path[path.len() - 1]];
+                if !self.borders[border].is_sharp && ends.iter().all(|end| on_crease.contains(end)) {
+                    let _kept_as_it_is_otherwise =
+                        SNAPS.iter().any(|&snap| self.redraw_border(border, snap).is_some());
+                }
+            }
+        }
+    }
+
+    /// Nodes on creases.
+    pub(super) fn on_crease(&self) -> BTreeSet<u32> {
+        let sharp = self.borders.iter().filter(|border| border.is_sharp);
+        sharp.flat_map(|border| [border.path[0], border.path[border.path.len() - 1]]).collect()
+    }
+
+    /// What meets at a node; none if a region or a border meets it twice.
+    fn star(&self, node: u32) -> Option<Star> {
+        // In each region one side leaves the node, and the one before it arrives.
+        let mut at: Vec<(usize, Side, Side)> = Vec::new();
+        for (region, polygon) in self.polygons.iter().enumerate() {
+            for (i, &side) in polygon.iter().enumerate() {
+                if self.start(side) == node {
+                    at.push((region, side, polygon[(i + polygon.len() - 1) % polygon.len()]));
+                }
+            }
+        }
+        let mut star = Star { spokes: Vec::new(), regions: Vec::new() };
+        let mut now = 0;
+        for _ in 0..at.len() {
+            let (region, leaves, arrives) = *at.get(now)?;
+            star.spokes.push(leaves);
+            star.regions.push(region);
+            now = at.iter().position(|(_, other, _)| other.border == arrives.border)?;
+        }
+        let distinct: BTreeSet<usize> = star.regions.iter().copied().collect();
+        let borders: BTreeSet<usize> = star.spokes.iter().map(|side| side.border).collect();
+        (now == 0 && distinct.len() == at.len() && borders.len() == at.len()).then_some(star)
+    }
+
+    fn redraw_star(&mut self, star: &Star, snap: f64) -> Option<()> {
+        let mut rim: Vec<Vec<u32>> = Vec::new();
+        let mut ends = Vec::new();
+        for (&region, &spoke) in star.regions.iter().zip(&star.spokes) {
+            let polygon = &self.polygons[region];
+            let first = polygon.iter().position(|&side| side == spoke)?;
+            let spoke = self.path(spoke);
+            ends.push(spoke[spoke.len() - 1]);
+            rim.extend((1..polygon.len() - 1).map(|i| self.path(polygon[(first + i) % polygon.len()])));
+        }
+        let faces: Vec<[u32; 3]> = star.regions.iter().flat_map(|&region| self.faces[region].iter().copied()).collect();
+        let mut disk = Disk::new(&self.points, &faces, &rim)?;
+        let ends: Vec<u32> = ends.iter().map(|&end| disk.local(end)).collect::<Option<_>>()?;
+        let mean = [0, 1].map(|d| ends.iter().map(|&end| disk.uv[end as usize][d]).sum::<f64>() / ends.len() as f64);
+        let centre = disk.vertex_at(mean)?;
+        let spokes: Vec<Vec<u32>> = ends.iter().map(|&end| disk.cut(centre, end, snap)).collect::<Option<_>>()?;
+        let (group, count) = disk.groups();
+        if count != spokes.len() {
+            return None;
+        }
+        let mut parted = vec![Vec::new(); count];
+        (0..group.len()).for_each(|face| parted[group[face]].push(disk.triangle(face)));
+        // The region between a spoke and the next lies to the left of the spoke.
+        let mut of_region = Vec::new();
+        for spoke in &spokes {
+            of_region.push(group[disk.left_of(spoke[0], spoke[1])?]);
+        }
+        self.points.extend_from_slice(disk.new_points());
+        for (i, (&region, &side)) in star.regions.iter().zip(&star.spokes).enumerate() {
+            self.faces[region] = std::mem::take(&mut parted[of_region[i]]);
+            let mut path = disk.whole(&spokes[i]);
+            if side.reversed {
+                path.reverse();
+            }
+            self.borders[side.border].path = path;
+        }
+        Some(())
+    }
+
+    /// Draws a border straight in a map of the regions on both sides.
+    fn redraw_border(&mut self, border: usize, snap: f64) -> Option<()> {
+        let sides = self.borders[border].sides;
+        if sides[0] == sides[1] {
+            return None;
+        }
+        let mut rim: Vec<Vec<u32>> = Vec::new();
+        for region in sides {
+            let polygon = &self.polygons[region];
+            let first = polygon.iter().position(|side| side.border == border)?;
+            rim.extend((1..polygon.len()).map(|i| self.path(polygon[(first + i) % polygon.len()])));
+        }
+        let faces: Vec<[u32; 3]> = sides.iter().flat_map(|&region| self.faces[region].iter().copied()).collect();
+        let mut disk = Disk::new(&self.points, &faces, &rim)?;
+        let path = &self.borders[border].path;
+        let (from, to) = (disk.local(path[0])?, disk.local(path[path.len() - 1])?);
+        let path = disk.cut(from, to, snap)?;
+        let (group, count) = disk.groups();
+        if count != 2 {
+            return None;
+        }
+        let left = group[disk.left_of(path[0], path[1])?];
+        for (i, region) in sides.into_iter().enumerate() {
+            let of = (0..group.len()).filter(|&face| (group[face] == left) == (i == 0));
+            self.faces[region] = of.map(|face| disk.triangle(face)).collect();
+        }
+        self.points.extend_from_slice(disk.new_points());
+        self.borders[border].path = disk.whole(&path);
+        Some(())
+    }
+}
