@@ -109,7 +109,7 @@ pub(super) fn sides(work: &Patchwork, polygon: &[Side], halved: &[bool]) -> Vec<
     for &side in polygon {
         let path = &work.borders[side.border].path;
         let mut parts = vec![path.clone()];
-        if halved[side.border] && path.len() > 2 {
+        if halved[side.border] {
             let at = middle(work, path);
             parts = vec![path[..=at].to_vec(), path[at..].to_vec()];
         }
@@ -128,7 +128,7 @@ fn polygon_of(work: &Patchwork, polygon: &[Side], angles: &[f64], halved: &[bool
     let mut all = Vec::with_capacity(sides.len());
     for (&side, &angle) in polygon.iter().zip(angles) {
         all.push(angle);
-        if halved[side.border] && work.borders[side.border].path.len() > 2 {
+        if halved[side.border] {
             all.push(std::f64::consts::PI);
         }
     }

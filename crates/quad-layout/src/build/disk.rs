@@ -19,6 +19,9 @@ const SOLVED: f64 = 1e-12;
 /// How near, as a share of an edge, a line goes through its end instead, in the first try, in the second and in the third.
 pub(super) const SNAPS: [f64; 3] = [0.15, 0.01, 1e-7];
 
+/// The same for the edge that is crossed first.
+const FIRST_SNAP: f64 = 0.02;
+
 /// A disk with its map.
 #[derive(Clone, Debug)]
 pub(super) struct Disk {
@@ -299,6 +302,8 @@ impl Disk {
             }
         }
         let (_, face, [p, q], t) = ahead?;
+        // The direction at the begin is that of the angle there.
+        let snap = if is_first { snap.min(FIRST_SNAP) } else { snap };
         for (end, share) in [(p, t), (q, 1.0 - t)] {
             if share < snap && !self.blocked.contains(&end) {
                 return Some(end);

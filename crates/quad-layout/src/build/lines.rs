@@ -48,8 +48,6 @@ pub(super) struct Seeds {
     pub(super) faces: Vec<Vec<u32>>,
     /// Region of each half-edge of a crease: that of the face to its left.
     pub(super) of_half_edge: BTreeMap<(u32, u32), usize>,
-    /// Vertices at which an arc would have the same region on both sides.
-    pub(super) undecided: Vec<u32>,
     /// Vertices round which there are too few faces.
     pub(super) crowded: Vec<u32>,
 }
@@ -160,7 +158,7 @@ impl Lines {
             }
         }
         let vertices: BTreeSet<u32> = mesh.sharp.iter().flatten().copied().collect();
-        let (mut groups, mut borders, mut crowded) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut groups, mut crowded) = (Vec::new(), Vec::new());
         for vertex in vertices {
             for sector in sectors(mesh, neighbours, vertex) {
                 let Some((start, end)) = slots_of(mesh, &sector, &of_half_edge) else { continue };
@@ -175,7 +173,6 @@ impl Lines {
                 } else {
                     slots.push(end);
                 }
-                borders.extend(slots.windows(2).map(|pair| (vertex, [pair[0], pair[1]])));
                 groups.extend(sector.split(parts).into_iter().zip(&slots).map(|(faces, &slot)| (slot, faces)));
             }
         }
@@ -189,10 +186,9 @@ impl Lines {
             }
             faces[region].extend(of);
         }
-        let undecided = borders.iter().filter(|(_, [a, b])| sets.root(*a) == sets.root(*b)).map(|(v, _)| *v).collect();
         let of_half_edge =
             of_half_edge.into_iter().filter_map(|(side, slot)| Some((side, *number.get(&sets.root(slot))?))).collect();
-        Seeds { faces, of_half_edge, undecided, crowded }
+        Seeds { faces, of_half_edge, crowded }
     }
 
     fn parts(&self, sector: &Sector, vertex: u32, is_crossing: bool) -> usize {

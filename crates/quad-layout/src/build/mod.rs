@@ -10,6 +10,7 @@
 mod choose;
 mod disk;
 mod features;
+mod flips;
 mod lines;
 mod mesh;
 mod patches;

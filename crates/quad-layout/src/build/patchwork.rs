@@ -2,8 +2,21 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use point_cloud::vec3::{add, norm, scale, sub};
+
 use super::mesh::{WorkMesh, angle_at, edge};
 use super::regions::{Ground, Regions, runs};
+
+/// Edges of a border, at least.
+const EDGES: usize = 4;
+
+/// Share of a border's length at which its direction is taken.
+///
+/// Limit: the first edges of a border go through vertices near it.
+const AHEAD: f64 = 0.15;
+
+/// Angle of a region's triangles at a node, in radians, beyond which the directions of its borders no longer tell it.
+const ROUND: f64 = 2.8;
 
 /// The border between two regions, from node to node.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,7 +86,45 @@ impl Patchwork {
             }
             work.polygons.push(polygon);
         }
-        if bare.is_empty() { Ok(work) } else { Err(bare) }
+        if !bare.is_empty() {
+            return Err(bare);
+        }
+        work.lengthen_borders();
+        Ok(work)
+    }
+
+    /// Halves the edges of borders of few, so that each has a middle.
+    pub(super) fn lengthen_borders(&mut self) {
+        for border in 0..self.borders.len() {
+            while self.borders[border].path.len() <= EDGES {
+                let path = std::mem::take(&mut self.borders[border].path);
+                let mut longer = vec![path[0]];
+                for pair in path.windows(2) {
+                    longer.extend([self.halve(border, [pair[0], pair[1]]), pair[1]]);
+                }
+                self.borders[border].path = longer;
+            }
+        }
+    }
+
+    /// Halves an edge of a border: the new vertex.
+    fn halve(&mut self, border: usize, [a, b]: [u32; 2]) -> u32 {
+        let middle = self.points.len() as u32;
+        let [p, q] = [a, b].map(|v| self.points[v as usize]);
+        self.points.push(scale(0.5, add(p, q)));
+        let [left, right] = self.borders[border].sides;
+        for region in [left, right] {
+            for (from, to) in [(a, b), (b, a)] {
+                let begins = |t: &[u32; 3]| (0..3).position(|k| t[k] == from && t[(k + 1) % 3] == to);
+                let found = self.faces[region].iter().enumerate().find_map(|(i, t)| Some((i, begins(t)?)));
+                if let Some((i, k)) = found {
+                    let third = self.faces[region][i][(k + 2) % 3];
+                    self.faces[region][i] = [from, middle, third];
+                    self.faces[region].push([middle, to, third]);
+                }
+            }
+        }
+        middle
     }
 
     fn side(
@@ -112,45 +163,62 @@ impl Patchwork {
     }
 
     pub(super) fn length(&self, path: &[u32]) -> f64 {
-        path.windows(2)
-            .map(|pair| {
-                point_cloud::vec3::norm(point_cloud::vec3::sub(
-                    self.points[pair[1] as usize],
-                    self.points[pair[0] as usize],
-                ))
-            })
-            .sum()
+        path.windows(2).map(|pair| norm(sub(self.points[pair[1] as usize], self.points[pair[0] as usize]))).sum()
     }
 
-    /// The angle of a region at each of its nodes, the starts of its sides; at smooth nodes all angles sum to a full turn.
+    /// The angle of a region at each of its nodes, the starts of its sides; at smooth nodes all angles sum to a full turn. Borders count
+    /// by where they lead, a share of their length from the node; but where a region goes round a node by more than [`ROUND`], its
+    /// triangles count.
     pub(super) fn angles(&self) -> Vec<Vec<f64>> {
-        let mut sums: Vec<BTreeMap<u32, f64>> = Vec::with_capacity(self.faces.len());
+        let on_crease = self.on_crease();
         let mut all: BTreeMap<u32, f64> = BTreeMap::new();
-        let mut on_crease: BTreeSet<u32> = BTreeSet::new();
-        for border in self.borders.iter().filter(|border| border.is_sharp) {
-            on_crease.extend([border.path[0], border.path[border.path.len() - 1]]);
-        }
+        let mut angles = Vec::with_capacity(self.polygons.len());
         for (polygon, faces) in self.polygons.iter().zip(&self.faces) {
-            let mut sum: BTreeMap<u32, f64> = polygon.iter().map(|&side| (self.start(side), 0.0)).collect();
+            let mut of_faces: BTreeMap<u32, f64> = polygon.iter().map(|&side| (self.start(side), 0.0)).collect();
             for face in faces {
                 for k in 0..3 {
-                    if let Some(sum) = sum.get_mut(&face[k]) {
+                    if let Some(sum) = of_faces.get_mut(&face[k]) {
                         let [p, q, r] = [0, 1, 2].map(|i| self.points[face[(k + i) % 3] as usize]);
-                        let angle = angle_at(p, q, r);
-                        *sum += angle;
-                        *all.entry(face[k]).or_default() += angle;
+                        *sum += angle_at(p, q, r);
                     }
                 }
             }
-            sums.push(sum);
+            let n = polygon.len();
+            let angle = |i: usize| {
+                let (next, mut before) = (self.path(polygon[i]), self.path(polygon[(i + n - 1) % n]));
+                before.reverse();
+                let node = next[0];
+                let led = angle_at(self.points[node as usize], self.along(&next), self.along(&before));
+                if of_faces[&node] > ROUND { of_faces[&node] } else { led }
+            };
+            let of: Vec<f64> = (0..n).map(angle).collect();
+            polygon.iter().zip(&of).for_each(|(&side, angle)| *all.entry(self.start(side)).or_default() += angle);
+            angles.push(of);
         }
-        let angle = |region: usize, side: &Side| {
-            let node = self.start(*side);
-            let factor = if on_crease.contains(&node) { 1.0 } else { std::f64::consts::TAU / all[&node] };
-            factor * sums[region][&node]
-        };
-        let of = |(region, polygon): (usize, &Vec<Side>)| polygon.iter().map(|side| angle(region, side)).collect();
-        self.polygons.iter().enumerate().map(of).collect()
+        for (polygon, of) in self.polygons.iter().zip(&mut angles) {
+            for (&side, angle) in polygon.iter().zip(of) {
+                let node = self.start(side);
+                if !on_crease.contains(&node) {
+                    *angle *= std::f64::consts::TAU / all[&node];
+                }
+            }
+        }
+        angles
+    }
+
+    /// The point of a path at a share of its length.
+    fn along(&self, path: &[u32]) -> [f64; 3] {
+        let sought = AHEAD * self.length(path);
+        let mut sum = 0.0;
+        for pair in path.windows(2) {
+            let [p, q] = [pair[0], pair[1]].map(|v| self.points[v as usize]);
+            let length = norm(sub(q, p));
+            if sum + length >= sought {
+                return add(p, scale((sought - sum) / length.max(f64::MIN_POSITIVE), sub(q, p)));
+            }
+            sum += length;
+        }
+        self.points[path[path.len() - 1] as usize]
     }
 }
 

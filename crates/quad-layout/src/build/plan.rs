@@ -34,7 +34,8 @@ pub(super) struct Plan {
     neighbours: Neighbours,
     lines: Lines,
     crossings: BTreeSet<u32>,
-    radius: f64,
+    /// Nodes on creases at which no arc need end.
+    nodes: BTreeSet<u32>,
     single: Vec<u32>,
     /// The regions at the last attempt.
     regions: Option<Regions>,
@@ -50,7 +51,7 @@ impl Plan {
             crossings.extend(line.crossings.iter().map(|&at| line.path[at]));
         }
         let neighbours = mesh.neighbours();
-        let mut plan = Self { mesh, neighbours, lines, crossings, radius, single: Vec::new(), regions: None };
+        let mut plan = Self { mesh, neighbours, lines, crossings, nodes: BTreeSet::new(), single: Vec::new(), regions: None };
         plan.split();
         let ground = Ground::new(&plan.mesh, &plan.neighbours, SMOOTHING);
         let seeds = plan.lines.seeds(&plan.mesh, &plan.neighbours);
@@ -97,17 +98,19 @@ impl Plan {
         let mut left = 0;
         for _ in 0..ROUNDS {
             let seeds = self.lines.seeds(&self.mesh, &self.neighbours);
-            let undecided = self.cross_at(&seeds);
-            if undecided {
-                continue;
-            }
             let ground = Ground::new(&self.mesh, &self.neighbours, SMOOTHING);
             let mut regions = ground.grow(&seeds.faces, &self.single);
             ground.clean(&mut regions);
+            let empty = Ground::empty(&regions);
+            if let Some(&region) = empty.iter().rev().find(|&&region| region >= seeds.faces.len()) {
+                // Its face became that of a region from a crease, or it was less than a face wide.
+                self.single.remove(region - seeds.faces.len());
+                continue;
+            }
             let mut unfit = ground.unfit(&regions);
             let mut at_borders = Vec::new();
             if unfit.is_empty() {
-                match Patchwork::new(&ground, &regions, &self.lines.corners) {
+                match Patchwork::new(&ground, &regions, &(&self.lines.corners | &self.nodes)) {
                     Ok(work) => {
                         at_borders = few_sided(&work);
                         let many = |region: &u32| work.polygons[*region as usize].len() > MOST_SIDES;
@@ -122,13 +125,14 @@ impl Plan {
             }
             left = unfit.len() + at_borders.len();
             tracing::debug!(regions = regions.count, ?unfit, ?at_borders, "regions are added");
+            if std::env::var("DBG").is_ok() { eprintln!("{} unfit {:?} few {}", regions.count, unfit, at_borders.len()); }
             let additions: Vec<Addition> =
                 unfit.iter().filter_map(|&region| self.within(&ground, &seeds, &regions, region)).collect();
             let borders: Vec<Addition> =
                 at_borders.iter().filter_map(|path| self.beside(&regions, path)).collect();
-            let before = (self.single.len(), self.crossings.len());
+            let before = self.size();
             additions.into_iter().chain(borders).for_each(|addition| self.add(addition));
-            if before == (self.single.len(), self.crossings.len()) {
+            if before == self.size() {
                 break;
             }
         }
@@ -145,36 +149,16 @@ impl Plan {
         let ground = Ground::new(&self.mesh, &self.neighbours, SMOOTHING);
         let additions: Vec<Addition> =
             of.iter().filter_map(|&region| self.within(&ground, &seeds, &regions, region)).collect();
-        let before = (self.single.len(), self.crossings.len());
+        let before = self.size();
         additions.into_iter().for_each(|addition| self.add(addition));
-        if before == (self.single.len(), self.crossings.len()) {
+        if before == self.size() {
             return Err(LayoutError::NotCut { regions: of.len(), reason: "there is no room for smaller ones" });
         }
         Ok(())
     }
 
-    /// More crossings where arcs would have one region on both sides; whether there are any.
-    fn cross_at(&mut self, seeds: &Seeds) -> bool {
-        let mut added = false;
-        for &vertex in &seeds.undecided {
-            let Some(region) = self.region_at(seeds, vertex) else { continue };
-            if let Some(vertex) = self.longest_interval(seeds, region).and_then(|(_, vertex)| vertex) {
-                added |= self.crossings.insert(vertex);
-            }
-        }
-        if added {
-            self.split_keeping_seeds();
-        }
-        added
-    }
-
-    fn region_at(&self, seeds: &Seeds, vertex: u32) -> Option<usize> {
-        // The region that is on both sides of a border that leaves the vertex.
-        let at = seeds.of_half_edge.iter().filter(|((a, b), _)| *a == vertex || *b == vertex);
-        let mut regions: Vec<usize> = at.map(|(_, region)| *region).collect();
-        regions.sort_unstable();
-        let twice = regions.chunk_by(|a, b| a == b).max_by_key(|run| run.len())?;
-        twice.first().copied()
+    fn size(&self) -> [usize; 3] {
+        [self.single.len(), self.crossings.len(), self.nodes.len()]
     }
 
     /// The longest interval along a region: its length, and a vertex in its middle if there is one.
@@ -210,11 +194,13 @@ impl Plan {
         }
     }
 
-    /// What gives a region with few sides another one: a seed at the middle of a smooth border, a crossing in that of a crease.
+    /// What gives a region with few sides another one: a seed at the middle of a smooth border, a node in that of a crease.
     fn beside(&self, regions: &Regions, path: &[u32]) -> Option<Addition> {
-        let middle = path[path.len() / 2];
-        if self.mesh.sharp.contains(&edge(path[0], path[1])) {
-            return (!self.crossings.contains(&middle)).then_some(Addition::Crossing(middle));
+        // Vertices beyond those of the mesh halve edges of short borders.
+        let known: Vec<u32> = path.iter().copied().filter(|&v| (v as usize) < self.mesh.points.len()).collect();
+        let middle = known[known.len() / 2];
+        if self.mesh.sharp.contains(&edge(known[0], known[1])) {
+            return (known.len() > 2).then_some(Addition::Node(middle));
         }
         let fan = self.mesh.fan(&self.neighbours, middle);
         let far = |face: &u32| regions.distance[*face as usize];
@@ -226,6 +212,9 @@ impl Plan {
         match addition {
             Addition::Seed(face) if !self.single.contains(&face) => self.single.push(face),
             Addition::Seed(_) => {}
+            Addition::Node(vertex) => {
+                self.nodes.insert(vertex);
+            }
             Addition::Crossing(vertex) => {
                 if self.crossings.insert(vertex) {
                     self.split_keeping_seeds();
@@ -257,6 +246,7 @@ impl Plan {
 enum Addition {
     Seed(u32),
     Crossing(u32),
+    Node(u32),
 }
 
 /// The longest border of each region of fewer than three sides, and borders with one region on both sides.

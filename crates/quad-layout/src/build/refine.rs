@@ -1,4 +1,4 @@
-//! Splits triangles until there are enough to draw a layout on.
+//! Splits triangles, and evens them out, until there are enough to draw a layout on.
 
 use std::collections::BTreeSet;
 
@@ -9,8 +9,8 @@ use super::mesh::{WorkMesh, edge};
 /// Limit: with 40 patches an arc has some 15 edges.
 const TRIANGLES: f64 = 10_000.0;
 
-/// Rounds of halving. Limit: an edge of the length of the part is cut into 2¹⁰.
-const ROUNDS: usize = 10;
+/// Rounds of halving. Limit: each halves edges that are the longest of both their faces, of which some are left in each round.
+const ROUNDS: usize = 60;
 
 /// Edges longer than this times the side of an even triangulation of [`TRIANGLES`] are halved.
 const LONG: f64 = 1.5;
@@ -19,13 +19,27 @@ const LONG: f64 = 1.5;
 pub(super) fn refine(mesh: &mut WorkMesh) {
     let area: f64 = (0..mesh.faces.len()).map(|face| mesh.area(face)).sum();
     let longest = LONG * (4.0 * area / (3.0_f64.sqrt() * TRIANGLES)).sqrt();
+    mesh.flip();
     for _ in 0..ROUNDS {
-        let long = edges_where(mesh, |mesh, [a, b]| mesh.length(a, b) > longest);
+        let long = longest_of_both(mesh, longest);
         if long.is_empty() {
             return;
         }
         mesh.halve(&long);
+        mesh.flip();
     }
+}
+
+/// Edges longer than a length that are the longest of both their faces. To halve others too would leave slivers slivers.
+fn longest_of_both(mesh: &WorkMesh, least: f64) -> BTreeSet<[u32; 2]> {
+    let longest = |&[a, b, c]: &[u32; 3]| {
+        let sides = [edge(a, b), edge(b, c), edge(c, a)].map(|side| (mesh.length(side[0], side[1]), side));
+        sides.into_iter().reduce(|p, q| if (q.0, q.1) > (p.0, p.1) { q } else { p })
+    };
+    let mut found: Vec<[u32; 2]> =
+        mesh.faces.iter().filter_map(longest).filter(|(length, _)| *length > least).map(|(_, side)| side).collect();
+    found.sort_unstable();
+    found.chunk_by(|a, b| a == b).filter(|run| run.len() == 2).map(|run| run[0]).collect()
 }
 
 /// The edges for which something holds.

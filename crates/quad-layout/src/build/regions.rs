@@ -218,9 +218,17 @@ impl<'a> Ground<'a> {
             let rim: Vec<&[u32; 2]> = edges.iter().filter(|(_, uses)| **uses == 1).map(|(side, _)| side).collect();
             let on_rim: BTreeSet<u32> = rim.iter().flat_map(|side| side.iter().copied()).collect();
             let has_slit = edges.iter().any(|(side, uses)| *uses == 2 && self.mesh.sharp.contains(side));
+            if std::env::var("DBG").is_ok() && (euler != 1 || rim.len() != on_rim.len() || has_slit || self.turns(faces)) { eprintln!("  r{region} faces {} euler {euler} rim {} {} slit {has_slit} turns {} at {:?}", faces.len(), rim.len(), on_rim.len(), self.turns(faces), faces.first().map(|&f| self.centres[f])); }
             euler != 1 || rim.len() != on_rim.len() || has_slit || self.turns(faces)
         };
         (0..regions.count as u32).filter(is_unfit).collect()
+    }
+
+    /// Regions without faces.
+    pub(super) fn empty(regions: &Regions) -> Vec<usize> {
+        let mut has = vec![false; regions.count];
+        regions.label.iter().filter(|label| **label != u32::MAX).for_each(|&label| has[label as usize] = true);
+        (0..regions.count).filter(|&region| !has[region]).collect()
     }
 
     fn turns(&self, faces: &[usize]) -> bool {

@@ -22,6 +22,7 @@ impl Patchwork {
     pub(super) fn straighten(&mut self) {
         let on_crease = self.on_crease();
         for _ in 0..SWEEPS {
+            self.lengthen_borders();
             let nodes: BTreeSet<u32> = self.polygons.iter().flatten().map(|&side| self.start(side)).collect();
             for node in nodes.difference(&on_crease) {
                 if let Some(star) = self.star(*node) {
@@ -37,6 +38,7 @@ impl Patchwork {
                 }
             }
         }
+        self.lengthen_borders();
     }
 
     /// Nodes on creases.
