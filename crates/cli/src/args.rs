@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use reconstruct::{
     BlendChoice, BoundaryChoice, Clean, Closed, ClosedChoice, CornerChoice, Crop, CurveOptions, CurveParameters,
-    Decimal, Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LengthUnit, LocalRule,
-    LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions, QuasiOptions,
-    RadiusChoice, ReadOptions, Refine, ReweightingOptions, Samples, SideRule, SolidOptions, Tolerance, UpdateChoice,
+    Decimal, Domain, Ends, Energy, FitOptions, Format, GivenCorners, KnotChoice, LambdaChoice, LayoutChoice,
+    LengthUnit, LocalRule, LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions,
+    QuasiOptions, RadiusChoice, ReadOptions, Refine, ReweightingOptions, Samples, SideRule, SolidOptions, Tolerance,
+    UpdateChoice,
 };
 
 use crate::solid_args::SolidArgs;
@@ -208,7 +209,7 @@ pub(crate) struct FitArgs {
     #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true, help_heading = "When it is good enough")]
     tol: Tolerance,
     /// Share of the points that must be within the tolerance; 1 for all.
-    /// [default: 0.95; with --layout 0.99, of the areas of mesh and surface]
+    /// [default: 0.95; for whole parts 0.99, of the areas of mesh and surface]
     #[arg(long, visible_alias = "nu", allow_hyphen_values = true, help_heading = "When it is good enough")]
     within: Option<f64>,
     /// Largest number of levels; level 0 counts.
@@ -253,21 +254,32 @@ pub(crate) struct FitArgs {
 }
 
 impl FitArgs {
-    /// The options of a whole part, if it is one.
+    /// The options of a whole part, if it is one: asked for, or one closed mesh that STEP files are made of.
     pub(crate) fn solid_options(&self) -> Option<SolidOptions> {
-        let default = SolidOptions::of_layout(self.solid.layout.clone()?);
+        let read = ReadOptions { weights: self.weights.clone(), ..self.layout.read.options() };
+        let layout = match &self.solid.layout {
+            LayoutChoice::One => return None,
+            LayoutChoice::Auto => {
+                if !reconstruct::makes_solid(&self.inputs, &self.outputs, &read) {
+                    return None;
+                }
+                LayoutChoice::Patches
+            }
+            given => given.clone(),
+        };
+        let default = SolidOptions { layout, ..SolidOptions::default() };
         // Directions with different numbers are refused by the check: 0 is out of range.
         let alike = |Pair([u, v]): Pair| if u == v { u } else { 0 };
         Some(SolidOptions {
             degree: alike(self.degree),
-            elements: self.mesh.map_or(default.elements, alike),
+            elements: self.mesh.map(alike),
             smoothness: self.solid.smoothness,
             sharp: self.solid.sharp,
             tol: if self.tol == Tolerance::Auto { default.tol } else { self.tol },
             within: self.within.unwrap_or(default.within),
             units: self.units,
             flip: self.flip,
-            read: ReadOptions { weights: self.weights.clone(), ..self.layout.read.options() },
+            read,
             ..default
         })
     }

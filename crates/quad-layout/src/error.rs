@@ -97,7 +97,9 @@ pub enum LayoutError {
         pieces: usize,
     },
     /// No layout was found.
-    #[error("no layout in patches was found: {regions} regions are left, {reason}; smaller ones or a finer mesh may help")]
+    #[error(
+        "no layout in patches was found: {regions} regions are left, {reason}; smaller ones or a finer mesh may help"
+    )]
     NotCut {
         /// Regions that could not be cut.
         regions: usize,

@@ -32,7 +32,9 @@ pub struct QuadLayout {
     /// The vertices along each arc, from its start to its end.
     pub(crate) paths: Vec<Vec<u32>>,
     pub(crate) patches: Vec<LayoutPatch>,
-    mapped_anew: Vec<usize>,
+    pub(crate) mapped_anew: Vec<usize>,
+    /// Of a layout that was made here, which arcs were laid along creases.
+    pub(crate) creases: Option<Vec<bool>>,
 }
 
 impl QuadLayout {
@@ -54,8 +56,14 @@ impl QuadLayout {
         }
         let prepared: Vec<Result<Prepared, LayoutError>> =
             patches.par_iter().enumerate().map(|(number, raw)| Prepared::new(number, raw, &vertices)).collect();
-        let mut layout =
-            Self { vertices, topology: Arc::new(topology), paths, patches: Vec::new(), mapped_anew: Vec::new() };
+        let mut layout = Self {
+            vertices,
+            topology: Arc::new(topology),
+            paths,
+            patches: Vec::new(),
+            mapped_anew: Vec::new(),
+            creases: None,
+        };
         for (number, prepared) in prepared.into_iter().enumerate() {
             layout.add(number, prepared?);
         }
@@ -98,6 +106,11 @@ impl QuadLayout {
     /// The patches whose given parameters folded.
     pub fn mapped_anew(&self) -> &[usize] {
         &self.mapped_anew
+    }
+
+    /// Of a layout made by [`QuadLayout::of_mesh`], which arcs are creases.
+    pub fn creases(&self) -> Option<&[bool]> {
+        self.creases.as_deref()
     }
 
     /// The same in other coordinates.

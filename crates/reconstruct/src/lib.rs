@@ -87,8 +87,8 @@ pub use report::{
     layout_report,
 };
 pub use solid::{
-    Sharp, Smoothness, SolidDistances, SolidFit, SolidLayoutReport, SolidOptions, SolidReason, SolidReport,
-    SolidVolume, check_solid_outputs, fit_solid_file, write_solid_outputs,
+    LayoutChoice, Sharp, Smoothness, SolidDistances, SolidFit, SolidLayoutReport, SolidOptions, SolidReason,
+    SolidReport, SolidVolume, check_solid_outputs, fit_solid_file, makes_solid, write_solid_outputs,
 };
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};

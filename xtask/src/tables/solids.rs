@@ -82,7 +82,7 @@ fn row(solids: &Solids<'_>, layout: &Path) -> Result<Vec<String>> {
     let name = file.trim_end_matches(".json.gz");
     let mesh = mesh_of(&solids.data.join("solids"), name.rsplit_once('_').map_or(name, |(mesh, _)| mesh))?;
     let options = SolidOptions {
-        elements: solids.elements,
+        elements: Some(solids.elements),
         smoothness: Smoothness::Weight(solids.smoothness),
         ..SolidOptions::of_layout(layout.to_owned())
     };

@@ -69,7 +69,8 @@ pub(super) fn choose(work: &Patchwork) -> Choice {
         }
     }
     let halved = best.1;
-    let (costs, cuts) = (0..work.polygons.len()).map(|region| search.pattern(region, &halved)).unzip();
+    let (costs, cuts): (Vec<f64>, Vec<Cut>) =
+        (0..work.polygons.len()).map(|region| search.pattern(region, &halved)).unzip();
     Choice { halved, cuts, costs }
 }
 

@@ -37,7 +37,7 @@ pub(super) struct Disk {
     next: u32,
     /// Number of vertices that it was made of.
     given: usize,
-    local: BTreeMap<u32, u32>,
+    local: BTreeMap<(usize, u32), u32>,
 }
 
 fn ordered(a: u32, b: u32) -> [u32; 2] {
@@ -50,6 +50,16 @@ fn turn(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
+}
+
+fn root(parent: &BTreeMap<(usize, u32), (usize, u32)>, mut at: (usize, u32)) -> Option<(usize, u32)> {
+    loop {
+        let next = *parent.get(&at)?;
+        if next == at {
+            return Some(at);
+        }
+        at = next;
+    }
 }
 
 /// Angles on a circle at which sides of given lengths begin: half of it is shared out by lengths, half evenly.
@@ -67,12 +77,42 @@ pub(super) fn turns(lengths: &[f64]) -> Vec<f64> {
 impl Disk {
     /// Maps triangles whose rim is made of `sides`, paths from corner to corner, counter-clockwise. None if the triangles are no disk.
     pub(super) fn new(points: &[[f64; 3]], faces: &[[u32; 3]], sides: &[Vec<u32>]) -> Option<Self> {
-        let mut local: BTreeMap<u32, u32> = faces.iter().flatten().map(|&v| (v, 0)).collect();
-        local.values_mut().zip(0..).for_each(|(place, i)| *place = i);
-        let ids: Vec<u32> = local.keys().copied().collect();
+        let sides: Vec<(usize, Vec<u32>)> = sides.iter().map(|side| (0, side.clone())).collect();
+        Self::glued(points, &[faces], &[], &sides)
+    }
+
+    /// The same for several parts, glued along seams between two of them and nowhere else: where they touch besides, vertices are taken
+    /// for different ones. Sides of the rim say to which part they belong.
+    pub(super) fn glued(
+        points: &[[f64; 3]],
+        parts: &[&[[u32; 3]]],
+        seams: &[([usize; 2], Vec<u32>)],
+        sides: &[(usize, Vec<u32>)],
+    ) -> Option<Self> {
+        let mut local: BTreeMap<(usize, u32), (usize, u32)> = BTreeMap::new();
+        for (part, faces) in parts.iter().enumerate() {
+            local.extend(faces.iter().flatten().map(|&v| ((part, v), (part, v))));
+        }
+        for ([a, b], seam) in seams {
+            for &vertex in seam {
+                let (p, q) = (root(&local, (*a, vertex))?, root(&local, (*b, vertex))?);
+                local.insert(p.max(q), p.min(q));
+            }
+        }
+        let keys: Vec<(usize, u32)> = local.keys().copied().collect();
+        let mut number = BTreeMap::new();
+        let mut ids = Vec::new();
+        for &key in keys.iter().filter(|key| local[key] == **key) {
+            number.insert(key, ids.len() as u32);
+            ids.push(key.1);
+        }
+        let local: BTreeMap<(usize, u32), u32> =
+            keys.iter().map(|&key| Some((key, number[&root(&local, key)?]))).collect::<Option<_>>()?;
+        let faces = parts.iter().enumerate();
+        let faces = faces.flat_map(|(part, faces)| faces.iter().map(move |t| t.map(|v| (part, v))));
         let mut disk = Self {
             points: ids.iter().map(|&v| points[v as usize]).collect(),
-            faces: faces.iter().map(|t| t.map(|v| local[&v])).collect(),
+            faces: faces.map(|t| t.map(|key| local[&key])).collect(),
             uv: vec![[0.0; 2]; ids.len()],
             blocked: BTreeSet::new(),
             walls: BTreeSet::new(),
@@ -87,16 +127,17 @@ impl Disk {
         disk.is_one_to_one().then_some(disk)
     }
 
-    /// The number here of a vertex of the whole.
-    pub(super) fn local(&self, vertex: u32) -> Option<u32> {
-        self.local.get(&vertex).copied()
+    /// The number here of a vertex of a part.
+    pub(super) fn local(&self, part: usize, vertex: u32) -> Option<u32> {
+        self.local.get(&(part, vertex)).copied()
     }
 
-    fn pin(&mut self, sides: &[Vec<u32>]) -> Option<()> {
-        let length = |side: &[u32]| -> Option<Vec<f64>> {
+    fn pin(&mut self, sides: &[(usize, Vec<u32>)]) -> Option<()> {
+        let length = |(part, side): &(usize, Vec<u32>)| -> Option<Vec<f64>> {
             let mut sums = vec![0.0];
             for pair in side.windows(2) {
-                let [p, q] = [self.local(pair[0])?, self.local(pair[1])?].map(|v| self.points[v as usize]);
+                let [p, q] =
+                    [self.local(*part, pair[0])?, self.local(*part, pair[1])?].map(|v| self.points[v as usize]);
                 sums.push(sums[sums.len() - 1] + norm(sub(q, p)));
             }
             Some(sums)
@@ -105,11 +146,11 @@ impl Disk {
         let whole: Vec<f64> = lengths.iter().map(|sums| sums[sums.len() - 1]).collect();
         let starts = turns(&whole);
         let mut pinned = Vec::new();
-        for (i, (side, sums)) in sides.iter().zip(&lengths).enumerate() {
+        for (i, ((part, side), sums)) in sides.iter().zip(&lengths).enumerate() {
             let share = starts.get(i + 1).copied().unwrap_or(TAU) - starts[i];
             for (vertex, sum) in side.iter().zip(sums).take(side.len() - 1) {
                 let (sin, cos) = (starts[i] + share * sum / whole[i]).sin_cos();
-                pinned.push((self.local(*vertex)?, [cos, sin]));
+                pinned.push((self.local(*part, *vertex)?, [cos, sin]));
             }
         }
         for &(vertex, place) in &pinned {
@@ -173,9 +214,8 @@ impl Disk {
         let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
         let mut x: Vec<f64> = self.uv.iter().map(|uv| uv[d]).collect();
         let mut residual: Vec<f64> = apply(&x).iter().map(|r| -r).collect();
-        let scaled = |r: &[f64]| -> Vec<f64> {
-            (0..n).map(|v| if is_free[v] { r[v] / diagonal[v] } else { 0.0 }).collect()
-        };
+        let scaled =
+            |r: &[f64]| -> Vec<f64> { (0..n).map(|v| if is_free[v] { r[v] / diagonal[v] } else { 0.0 }).collect() };
         let mut z = scaled(&residual);
         let mut way = z.clone();
         let mut energy = product(&residual, &z);
@@ -215,7 +255,6 @@ impl Disk {
         self.points.push(point);
         self.uv.push(uv);
         self.ids.push(self.next);
-        self.local.insert(self.next, vertex);
         self.next += 1;
         vertex
     }
@@ -227,15 +266,10 @@ impl Disk {
             let all = turn(minus(q, p), minus(r, p));
             [turn(q, r) / all, turn(r, p) / all, turn(p, q) / all]
         };
-        let (face, w) = self
-            .faces
-            .iter()
-            .map(weights)
-            .enumerate()
-            .max_by(|(i, a), (j, b)| {
-                let least = |w: &[f64; 3]| w.iter().copied().fold(f64::INFINITY, f64::min);
-                least(a).total_cmp(&least(b)).then(j.cmp(i))
-            })?;
+        let (face, w) = self.faces.iter().map(weights).enumerate().max_by(|(i, a), (j, b)| {
+            let least = |w: &[f64; 3]| w.iter().copied().fold(f64::INFINITY, f64::min);
+            least(a).total_cmp(&least(b)).then(j.cmp(i))
+        })?;
         let corners = self.faces[face];
         for k in 0..3 {
             if w[k] > 0.7 && !self.blocked.contains(&corners[k]) {

@@ -44,7 +44,9 @@ fn cut(points: &mut Vec<[f64; 3]>, part: Part, pattern: &Cut, patches: &mut Vec<
         let halves = SNAPS.iter().find_map(|&snap| halves(points, &part, line, snap))?;
         return halves.into_iter().try_for_each(|half| cut(points, half, pattern, patches));
     }
-    if let Some(star) = pattern.stars.iter().find(|star| star.len() == n && star.iter().all(|v| part.vertices.contains(v))) {
+    if let Some(star) =
+        pattern.stars.iter().find(|star| star.len() == n && star.iter().all(|v| part.vertices.contains(v)))
+    {
         let first = place(&star[0])?;
         let quads = SNAPS.iter().find_map(|&snap| starred(points, &part, first, snap))?;
         patches.extend(quads);
@@ -58,7 +60,7 @@ fn cut(points: &mut Vec<[f64; 3]>, part: Part, pattern: &Cut, patches: &mut Vec<
 /// The parts on both sides of the line between two vertices.
 fn halves(points: &mut Vec<[f64; 3]>, part: &Part, [a, b]: [usize; 2], snap: f64) -> Option<[Part; 2]> {
     let mut disk = Disk::new(points, &part.faces, &part.sides)?;
-    let (from, to) = (disk.local(part.sides[a][0])?, disk.local(part.sides[b][0])?);
+    let (from, to) = (disk.local(0, part.sides[a][0])?, disk.local(0, part.sides[b][0])?);
     let path = disk.cut(from, to, snap)?;
     let (group, count) = disk.groups();
     if count != 2 {
@@ -91,7 +93,7 @@ fn starred(points: &mut Vec<[f64; 3]>, part: &Part, first: usize, snap: f64) -> 
     let mut disk = Disk::new(points, &part.faces, &part.sides)?;
     let n = part.sides.len();
     let joined: Vec<usize> = (0..n / 2).map(|i| (first + 2 * i) % n).collect();
-    let ends: Vec<u32> = joined.iter().map(|&i| disk.local(part.sides[i][0])).collect::<Option<_>>()?;
+    let ends: Vec<u32> = joined.iter().map(|&i| disk.local(0, part.sides[i][0])).collect::<Option<_>>()?;
     let mean = [0, 1].map(|d| ends.iter().map(|&end| disk.uv[end as usize][d]).sum::<f64>() / ends.len() as f64);
     let centre = disk.vertex_at(mean)?;
     let spokes: Vec<Vec<u32>> = ends.iter().map(|&end| disk.cut(centre, end, snap)).collect::<Option<_>>()?;
@@ -112,7 +114,7 @@ fn starred(points: &mut Vec<[f64; 3]>, part: &Part, first: usize, snap: f64) -> 
     Some(quads)
 }
 
-fn patch(paths: [Vec<u32>; 4], triangles: Vec<[u32; 3]>) -> RawPatch {
+pub(super) fn patch(paths: [Vec<u32>; 4], triangles: Vec<[u32; 3]>) -> RawPatch {
     let mut vertices: Vec<u32> = triangles.iter().flatten().copied().collect();
     vertices.sort_unstable();
     vertices.dedup();

@@ -6,6 +6,7 @@ use point_cloud::vec3::{add, norm, scale, sub};
 
 use super::mesh::{WorkMesh, angle_at, edge};
 use super::regions::{Ground, Regions, runs};
+use crate::RawPatch;
 
 /// Edges of a border, at least.
 const EDGES: usize = 4;
@@ -78,7 +79,7 @@ impl Patchwork {
                 path.push(to);
                 steps += 1;
                 if nodes.contains(&to) {
-                    polygon.push(work.side(&mut known, std::mem::replace(&mut path, vec![to]), region, mesh));
+                    polygon.push(work.side(&mut known, std::mem::replace(&mut path, vec![to]), region, &mesh.sharp));
                 }
                 if to == start || steps > next.len() {
                     break;
@@ -91,6 +92,18 @@ impl Patchwork {
         }
         work.lengthen_borders();
         Ok(work)
+    }
+
+    /// Patches as polygons of a surface whose sharp edges are known.
+    pub(super) fn of_patches(points: Vec<[f64; 3]>, patches: Vec<RawPatch>, sharp: &BTreeSet<[u32; 2]>) -> Self {
+        let mut work = Self { points, ..Self::default() };
+        let mut known: BTreeMap<(u32, u32), Side> = BTreeMap::new();
+        for (region, patch) in patches.into_iter().enumerate() {
+            let sides = patch.paths.into_iter().map(|path| work.side(&mut known, path, region, sharp)).collect();
+            work.polygons.push(sides);
+            work.faces.push(patch.triangles);
+        }
+        work
     }
 
     /// Halves the edges of borders of few, so that each has a middle.
@@ -132,7 +145,7 @@ impl Patchwork {
         known: &mut BTreeMap<(u32, u32), Side>,
         path: Vec<u32>,
         region: usize,
-        mesh: &WorkMesh,
+        sharp: &BTreeSet<[u32; 2]>,
     ) -> Side {
         let n = path.len();
         if let Some(&side) = known.get(&(path[0], path[1])) {
@@ -142,7 +155,7 @@ impl Patchwork {
         let border = self.borders.len();
         known.insert((path[0], path[1]), Side { border, reversed: false });
         known.insert((path[n - 1], path[n - 2]), Side { border, reversed: true });
-        let is_sharp = mesh.sharp.contains(&edge(path[0], path[1]));
+        let is_sharp = sharp.contains(&edge(path[0], path[1]));
         self.borders.push(Border { path, is_sharp, sides: [region; 2] });
         Side { border, reversed: false }
     }
@@ -228,9 +241,8 @@ fn nodes(ground: &Ground<'_>, regions: &Regions, corners: &BTreeSet<u32>) -> BTr
     let mut nodes = corners.clone();
     for vertex in 0..mesh.points.len() as u32 {
         let fan = mesh.fan(ground.neighbours, vertex);
-        let sharp = fan.iter().filter(|(face, k)| {
-            mesh.sharp.contains(&edge(vertex, mesh.faces[*face as usize][(k + 1) % 3]))
-        });
+        let sharp =
+            fan.iter().filter(|(face, k)| mesh.sharp.contains(&edge(vertex, mesh.faces[*face as usize][(k + 1) % 3])));
         let is_node = match sharp.count() {
             0 => runs(&fan, &regions.label).len() > 2,
             sharp => borders(mesh, &fan, &regions.label, vertex) != sharp || sharp != 2,

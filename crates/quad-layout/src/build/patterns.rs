@@ -12,7 +12,7 @@ const ANGLES: [f64; 2] = [0.61, 2.5];
 const RATIO: f64 = 0.25;
 
 /// What a broken rule costs, and how much more the farther.
-const BROKEN: f64 = 50.0;
+pub(super) const BROKEN: f64 = 50.0;
 
 /// What a patch costs.
 ///
@@ -129,24 +129,14 @@ impl Polygon {
             let [a, b, c] = [0, 1, 2].map(|i| v[(k + i) % n]);
             let [ua, ub, uc] = [a, b, c].map(|v| self.uv[v]);
             let at_centre = turn_at(centre, ua, uc);
-            let angles = [
-                at_centre,
-                self.angle(a, ub, centre),
-                self.angle(b, uc, ua),
-                self.angle(c, centre, ub),
-            ];
+            let angles = [at_centre, self.angle(a, ub, centre), self.angle(b, uc, ua), self.angle(c, centre, ub)];
             let spoke = |v: usize| norm(sub(self.points[v], in_space));
             sum += cost(angles, [spoke(a), self.length(a, b), self.length(b, c), spoke(c)]);
         }
         sum
     }
 
-    fn collect(
-        &self,
-        (i, j): (usize, usize),
-        known: &BTreeMap<(usize, usize), (f64, Choice)>,
-        cut: &mut Cut,
-    ) {
+    fn collect(&self, (i, j): (usize, usize), known: &BTreeMap<(usize, usize), (f64, Choice)>, cut: &mut Cut) {
         let Some((_, choice)) = known.get(&(i, j)) else { return };
         match *choice {
             Choice::Star(first) => cut.stars.push(star_vertices(i, j, first)),

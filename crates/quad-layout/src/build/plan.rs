@@ -23,7 +23,7 @@ const ROUNDS: usize = 60;
 const SPLITS: usize = 8;
 
 /// Rounds of averaging normals.
-const SMOOTHING: usize = 4;
+const SMOOTHING: usize = 15;
 
 /// An interval of a crease is halved, rather than a seed put in the inside, if it is longer than this times the way inside.
 const LONG: f64 = 2.5;
@@ -51,7 +51,8 @@ impl Plan {
             crossings.extend(line.crossings.iter().map(|&at| line.path[at]));
         }
         let neighbours = mesh.neighbours();
-        let mut plan = Self { mesh, neighbours, lines, crossings, nodes: BTreeSet::new(), single: Vec::new(), regions: None };
+        let mut plan =
+            Self { mesh, neighbours, lines, crossings, nodes: BTreeSet::new(), single: Vec::new(), regions: None };
         plan.split();
         let ground = Ground::new(&plan.mesh, &plan.neighbours, SMOOTHING);
         let seeds = plan.lines.seeds(&plan.mesh, &plan.neighbours);
@@ -125,11 +126,9 @@ impl Plan {
             }
             left = unfit.len() + at_borders.len();
             tracing::debug!(regions = regions.count, ?unfit, ?at_borders, "regions are added");
-            if std::env::var("DBG").is_ok() { eprintln!("{} unfit {:?} few {}", regions.count, unfit, at_borders.len()); }
             let additions: Vec<Addition> =
                 unfit.iter().filter_map(|&region| self.within(&ground, &seeds, &regions, region)).collect();
-            let borders: Vec<Addition> =
-                at_borders.iter().filter_map(|path| self.beside(&regions, path)).collect();
+            let borders: Vec<Addition> = at_borders.iter().filter_map(|path| self.beside(&regions, path)).collect();
             let before = self.size();
             additions.into_iter().chain(borders).for_each(|addition| self.add(addition));
             if before == self.size() {
@@ -148,13 +147,19 @@ impl Plan {
         let seeds = self.lines.seeds(&self.mesh, &self.neighbours);
         let ground = Ground::new(&self.mesh, &self.neighbours, SMOOTHING);
         let additions: Vec<Addition> =
-            of.iter().filter_map(|&region| self.within(&ground, &seeds, &regions, region)).collect();
+            of.iter().filter_map(|&region| self.across(&ground, &seeds, &regions, region)).collect();
         let before = self.size();
         additions.into_iter().for_each(|addition| self.add(addition));
         if before == self.size() {
             return Err(LayoutError::NotCut { regions: of.len(), reason: "there is no room for smaller ones" });
         }
         Ok(())
+    }
+
+    /// Edges of sharp borders, halved as they are there.
+    pub(super) fn sharp_edges(work: &Patchwork) -> BTreeSet<[u32; 2]> {
+        let sharp = work.borders.iter().filter(|border| border.is_sharp);
+        sharp.flat_map(|border| border.path.windows(2).map(|pair| edge(pair[0], pair[1]))).collect()
     }
 
     fn size(&self) -> [usize; 3] {
@@ -191,6 +196,22 @@ impl Plan {
             (Some((face, far)), _) if far > 0.0 => Some(Addition::Seed(face)),
             (_, Some((_, Some(vertex)))) => Some(Addition::Crossing(vertex)),
             _ => None,
+        }
+    }
+
+    /// What parts a region from side to side: a second crossing if arcs end on its crease from beyond.
+    fn across(&self, ground: &Ground<'_>, seeds: &Seeds, regions: &Regions, region: u32) -> Option<Addition> {
+        let is_of = |side: (u32, u32)| seeds.of_half_edge.get(&side) == Some(&(region as usize));
+        let is_met = |line: &super::lines::Line| {
+            line.crossings.iter().any(|&at| {
+                let before = if at == 0 { line.path.len() - 2 } else { at - 1 };
+                let [a, v, b] = [before, at, at + 1].map(|i| line.path[i]);
+                (is_of((a, v)) && is_of((v, b))) || (is_of((v, a)) && is_of((b, v)))
+            })
+        };
+        match self.longest_interval(seeds, region as usize) {
+            Some((_, Some(vertex))) if self.lines.lines.iter().any(is_met) => Some(Addition::Crossing(vertex)),
+            _ => self.within(ground, seeds, regions, region),
         }
     }
 

@@ -54,9 +54,8 @@ pub(super) fn edges_where(mesh: &WorkMesh, holds: impl Fn(&WorkMesh, [u32; 2]) -
 /// Splits until each face touches creases in a vertex or in one sharp edge and nowhere else.
 pub(super) fn part_from_creases(mesh: &mut WorkMesh) {
     let on_crease: BTreeSet<u32> = mesh.sharp.iter().flatten().copied().collect();
-    let bridges = edges_where(mesh, |mesh, side| {
-        side.iter().all(|v| on_crease.contains(v)) && !mesh.sharp.contains(&side)
-    });
+    let bridges =
+        edges_where(mesh, |mesh, side| side.iter().all(|v| on_crease.contains(v)) && !mesh.sharp.contains(&side));
     mesh.halve(&bridges);
     for face in 0..mesh.faces.len() {
         let [a, b, c] = mesh.faces[face];

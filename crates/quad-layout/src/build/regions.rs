@@ -16,8 +16,8 @@ pub(super) const TURN_COUNTS: f64 = 0.12;
 const ROUNDS: usize = 12;
 
 /// Share of a region's area that may face away from its mean by more than an angle, and its cosine.
-const MAY_TURN: f64 = 0.03;
-const TURNED: f64 = 0.26;
+const MAY_TURN: f64 = 0.05;
+const TURNED: f64 = 0.0;
 
 /// Passes over vertices at which a region touches itself.
 const CLEANINGS: usize = 8;
@@ -109,9 +109,9 @@ impl<'a> Ground<'a> {
     /// The face farthest from all seeds, in a region or anywhere; faces without any first.
     pub(super) fn farthest(&self, regions: &Regions, within: Option<u32>) -> Option<(u32, f64)> {
         let of = |face: &usize| within.is_none_or(|region| regions.label[*face] == region);
-        let far = (0..regions.label.len()).filter(of).max_by(|&a, &b| {
-            regions.distance[a].total_cmp(&regions.distance[b]).then(b.cmp(&a))
-        })?;
+        let far = (0..regions.label.len())
+            .filter(of)
+            .max_by(|&a, &b| regions.distance[a].total_cmp(&regions.distance[b]).then(b.cmp(&a)))?;
         Some((far as u32, regions.distance[far]))
     }
 
@@ -218,7 +218,6 @@ impl<'a> Ground<'a> {
             let rim: Vec<&[u32; 2]> = edges.iter().filter(|(_, uses)| **uses == 1).map(|(side, _)| side).collect();
             let on_rim: BTreeSet<u32> = rim.iter().flat_map(|side| side.iter().copied()).collect();
             let has_slit = edges.iter().any(|(side, uses)| *uses == 2 && self.mesh.sharp.contains(side));
-            if std::env::var("DBG").is_ok() && (euler != 1 || rim.len() != on_rim.len() || has_slit || self.turns(faces)) { eprintln!("  r{region} faces {} euler {euler} rim {} {} slit {has_slit} turns {} at {:?}", faces.len(), rim.len(), on_rim.len(), self.turns(faces), faces.first().map(|&f| self.centres[f])); }
             euler != 1 || rim.len() != on_rim.len() || has_slit || self.turns(faces)
         };
         (0..regions.count as u32).filter(is_unfit).collect()

@@ -8,6 +8,9 @@ use super::patchwork::{Patchwork, Side};
 /// How often every node is drawn anew.
 const SWEEPS: usize = 3;
 
+/// Steps towards the place between others.
+const STEPS: usize = 10;
+
 /// A node with what meets there, counter-clockwise.
 struct Star {
     /// Borders, as sides that leave the node.
@@ -33,8 +36,7 @@ impl Patchwork {
                 let path = &self.borders[border].path;
                 let ends = [path[0], path[path.len() - 1]];
                 if !self.borders[border].is_sharp && ends.iter().all(|end| on_crease.contains(end)) {
-                    let _kept_as_it_is_otherwise =
-                        SNAPS.iter().any(|&snap| self.redraw_border(border, snap).is_some());
+                    let _kept_as_it_is_otherwise = SNAPS.iter().any(|&snap| self.redraw_border(border, snap).is_some());
                 }
             }
         }
@@ -72,20 +74,22 @@ impl Patchwork {
     }
 
     fn redraw_star(&mut self, star: &Star, snap: f64) -> Option<()> {
-        let mut rim: Vec<Vec<u32>> = Vec::new();
-        let mut ends = Vec::new();
-        for (&region, &spoke) in star.regions.iter().zip(&star.spokes) {
+        let n = star.regions.len();
+        let (mut rim, mut ends, mut seams) = (Vec::new(), Vec::new(), Vec::new());
+        for (part, (&region, &spoke)) in star.regions.iter().zip(&star.spokes).enumerate() {
             let polygon = &self.polygons[region];
             let first = polygon.iter().position(|&side| side == spoke)?;
             let spoke = self.path(spoke);
             ends.push(spoke[spoke.len() - 1]);
-            rim.extend((1..polygon.len() - 1).map(|i| self.path(polygon[(first + i) % polygon.len()])));
+            seams.push(([(part + n - 1) % n, part], spoke));
+            rim.extend((1..polygon.len() - 1).map(|i| (part, self.path(polygon[(first + i) % polygon.len()]))));
         }
-        let faces: Vec<[u32; 3]> = star.regions.iter().flat_map(|&region| self.faces[region].iter().copied()).collect();
-        let mut disk = Disk::new(&self.points, &faces, &rim)?;
-        let ends: Vec<u32> = ends.iter().map(|&end| disk.local(end)).collect::<Option<_>>()?;
-        let mean = [0, 1].map(|d| ends.iter().map(|&end| disk.uv[end as usize][d]).sum::<f64>() / ends.len() as f64);
-        let centre = disk.vertex_at(mean)?;
+        let parts: Vec<&[[u32; 3]]> = star.regions.iter().map(|&region| self.faces[region].as_slice()).collect();
+        let mut disk = Disk::glued(&self.points, &parts, &seams, &rim)?;
+        let ends: Vec<u32> =
+            ends.iter().enumerate().map(|(part, &end)| disk.local(part, end)).collect::<Option<_>>()?;
+        let places: Vec<[f64; 2]> = ends.iter().map(|&end| disk.uv[end as usize]).collect();
+        let centre = disk.vertex_at(between(&places))?;
         let spokes: Vec<Vec<u32>> = ends.iter().map(|&end| disk.cut(centre, end, snap)).collect::<Option<_>>()?;
         let (group, count) = disk.groups();
         if count != spokes.len() {
@@ -116,16 +120,16 @@ impl Patchwork {
         if sides[0] == sides[1] {
             return None;
         }
-        let mut rim: Vec<Vec<u32>> = Vec::new();
-        for region in sides {
+        let mut rim = Vec::new();
+        for (part, region) in sides.into_iter().enumerate() {
             let polygon = &self.polygons[region];
             let first = polygon.iter().position(|side| side.border == border)?;
-            rim.extend((1..polygon.len()).map(|i| self.path(polygon[(first + i) % polygon.len()])));
+            rim.extend((1..polygon.len()).map(|i| (part, self.path(polygon[(first + i) % polygon.len()]))));
         }
-        let faces: Vec<[u32; 3]> = sides.iter().flat_map(|&region| self.faces[region].iter().copied()).collect();
-        let mut disk = Disk::new(&self.points, &faces, &rim)?;
         let path = &self.borders[border].path;
-        let (from, to) = (disk.local(path[0])?, disk.local(path[path.len() - 1])?);
+        let seams = [([0, 1], path.clone())];
+        let mut disk = Disk::glued(&self.points, &sides.map(|region| self.faces[region].as_slice()), &seams, &rim)?;
+        let (from, to) = (disk.local(0, path[0])?, disk.local(0, path[path.len() - 1])?);
         let path = disk.cut(from, to, snap)?;
         let (group, count) = disk.groups();
         if count != 2 {
@@ -140,4 +144,21 @@ impl Patchwork {
         self.borders[border].path = disk.whole(&path);
         Some(())
     }
+}
+
+/// A place between others: nearer ones count more, by the square root of how near. Their mean leaves flat angles between those that
+/// lie close together, the place of the shortest way to all pulls nodes together.
+fn between(places: &[[f64; 2]]) -> [f64; 2] {
+    let mut at = [0.0; 2];
+    for _ in 0..STEPS {
+        let (mut sum, mut all) = ([0.0; 2], 0.0);
+        for place in places {
+            let far = (place[0] - at[0]).hypot(place[1] - at[1]);
+            let weight = 1.0 / far.max(1e-3).sqrt();
+            (0..2).for_each(|d| sum[d] += weight * place[d]);
+            all += weight;
+        }
+        at = sum.map(|x| x / all);
+    }
+    at
 }

@@ -58,6 +58,14 @@ impl SolidMesh {
         if is_between { beside } else { nearest.squared_distance.sqrt().min(to_curved) }
     }
 
+    /// Whether every edge has two triangles.
+    pub(super) fn is_closed(&self) -> bool {
+        let sides = self.curved.triangles().iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let mut sides: Vec<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        sides.sort_unstable();
+        sides.chunk_by(|a, b| a == b).all(|uses| uses.len() == 2)
+    }
+
     /// The volume that the triangles enclose, if they are closed.
     pub(super) fn volume(&self) -> f64 {
         let of = |t: usize| {

@@ -1,14 +1,16 @@
-//! Whole parts: from a mesh and a layout in patches to one surface of many faces, a solid where the mesh is closed.
+//! Whole parts: from a mesh, and a layout in patches if there is one, to one surface of many faces, a solid where the mesh is closed.
 
+mod attempts;
 mod mesh;
 mod options;
 mod report;
 mod sampling;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use deviation::CREASE_DEGREES;
 use geom_io::{StepOptions, read_layout, read_scan, write_solid};
 use multi_patch::{Fitted, Surface};
 use quad_layout::{QuadLayout, RawPatch};
@@ -17,7 +19,7 @@ use thb_core::MultiPatchSpace;
 use crate::output::make_parent;
 use crate::{Error, Event, Watch, units, write_report};
 use mesh::SolidMesh;
-pub use options::{Sharp, Smoothness, SolidOptions};
+pub use options::{LayoutChoice, Sharp, Smoothness, SolidOptions};
 pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, SolidVolume};
 
 /// A surface of many faces that was fitted to a whole part.
@@ -40,7 +42,7 @@ impl SolidFit {
     }
 }
 
-/// Fits the patches of a layout to a mesh, both in files.
+/// Fits the patches of a layout, found here or of a file, to a mesh in a file.
 ///
 /// # Errors
 /// [`Error`]. A tolerance that is not reached and folds are no errors: the report has them.
@@ -51,28 +53,74 @@ pub fn fit_solid_file(path: &Path, options: &SolidOptions, watch: &mut Watch<'_>
     let scan = read_scan(path, &options.read)?;
     let unit = units::resolve(options.units, scan.unit);
     let mesh = SolidMesh::new(scan)?;
-    let layout = layout_of(&options.layout, &mesh)?;
-    let sharp = match options.sharp {
-        Sharp::Angle(degrees) => layout.sharp_arcs(degrees),
-        Sharp::Off => vec![false; layout.topology().arcs().len()],
+    let mut tried = match &options.layout {
+        LayoutChoice::File(file) => {
+            let layout = layout_of(file, &mesh)?;
+            let part = Part { path, mesh: &mesh, options };
+            part.attempt(&layout, options.elements.unwrap_or(ELEMENTS), watch)?
+        }
+        _ => attempts::best(&Part { path, mesh: &mesh, options }, watch)?,
     };
-    let space = Arc::new(MultiPatchSpace::uniform(Arc::clone(layout.topology()), options.degree, options.elements)?);
-    let _ = watch(Event::Step("finding parameters"));
-    let samples = sampling::samples(&mesh, &layout, &sharp, &space);
-    let _ = watch(Event::Step("fitting"));
-    let fit_options = multi_patch::Options {
-        plates: options.plates,
-        smoothness: options.smoothness.weight(),
-        diagonal: mesh.diagonal,
-        ..multi_patch::Options::default()
-    };
-    let fitted = multi_patch::fit(&space, &sharp, samples, &fit_options)?;
-    let _ = watch(Event::Step("measuring"));
-    let mut report = report::measured(path, &mesh, &layout, &sharp, &fitted, options);
-    report.seconds = start.elapsed().as_secs_f64();
-    let reversed = (report.volume.as_ref().is_some_and(|volume| volume.surface < 0.0)) != options.flip;
-    let Fitted { surface, .. } = fitted;
-    Ok(SolidFit { surface, report, unit, reversed })
+    tried.report.seconds = start.elapsed().as_secs_f64();
+    let reversed = (tried.report.volume.as_ref().is_some_and(|volume| volume.surface < 0.0)) != options.flip;
+    Ok(SolidFit { surface: tried.surface, report: tried.report, unit, reversed })
+}
+
+/// Whether a fit is that of a whole part without being told so: of one file with a closed mesh, of which STEP files are made. Whoever
+/// reads a file next tells why it cannot be read.
+pub fn makes_solid(inputs: &[PathBuf], outputs: &[PathBuf], read: &geom_io::ReadOptions) -> bool {
+    let is_step = |path: &PathBuf| geom_io::ModelFormat::from_path(path) == Some(geom_io::ModelFormat::Step);
+    let [input] = inputs else { return false };
+    if outputs.is_empty() || !outputs.iter().all(is_step) {
+        return false;
+    }
+    let Ok(scan) = read_scan(input, read) else { return false };
+    let is_mesh = scan.triangles.is_some() && scan.cloud.points.ncols() == 3;
+    is_mesh && SolidMesh::new(scan).is_ok_and(|mesh| mesh.is_closed())
+}
+
+/// Elements along each side of a patch, unless told.
+const ELEMENTS: usize = 4;
+
+/// What is fitted.
+struct Part<'a> {
+    path: &'a Path,
+    mesh: &'a SolidMesh,
+    options: &'a SolidOptions,
+}
+
+/// A surface with its report.
+struct Attempt {
+    surface: Surface,
+    report: SolidReport,
+}
+
+impl Part<'_> {
+    /// Fits the patches of a layout.
+    fn attempt(&self, layout: &QuadLayout, elements: usize, watch: &mut Watch<'_>) -> Result<Attempt, Error> {
+        let Self { path, mesh, options } = *self;
+        let sharp = match (options.sharp, layout.creases()) {
+            (_, Some(creases)) => creases.to_vec(),
+            (Sharp::Auto, None) => layout.sharp_arcs(CREASE_DEGREES),
+            (Sharp::Angle(degrees), None) => layout.sharp_arcs(degrees),
+            (Sharp::Off, None) => vec![false; layout.topology().arcs().len()],
+        };
+        let space = Arc::new(MultiPatchSpace::uniform(Arc::clone(layout.topology()), options.degree, elements)?);
+        let _ = watch(Event::Step("finding parameters"));
+        let samples = sampling::samples(mesh, layout, &sharp, &space);
+        let _ = watch(Event::Step("fitting"));
+        let fit_options = multi_patch::Options {
+            plates: options.plates,
+            smoothness: options.smoothness.weight(),
+            diagonal: mesh.diagonal,
+            ..multi_patch::Options::default()
+        };
+        let fitted = multi_patch::fit(&space, &sharp, samples, &fit_options)?;
+        let _ = watch(Event::Step("measuring"));
+        let report = report::measured(path, mesh, layout, &sharp, &fitted, options);
+        let Fitted { surface, .. } = fitted;
+        Ok(Attempt { surface, report })
+    }
 }
 
 /// Share of the diagonal by which the box of a layout may differ from that of the mesh: vertices were slid along the surface.

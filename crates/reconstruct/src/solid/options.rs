@@ -4,7 +4,6 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use deviation::CREASE_DEGREES;
 use geom_io::{LengthUnit, ReadOptions};
 use serde::Serialize;
 
@@ -47,9 +46,49 @@ impl FromStr for Smoothness {
     }
 }
 
+/// How a part is cut into faces.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LayoutChoice {
+    /// In patches if it is a closed mesh, as one sheet of four sides otherwise.
+    Auto,
+    /// As one sheet of four sides.
+    One,
+    /// In patches.
+    Patches,
+    /// In the patches of a file.
+    File(PathBuf),
+}
+
+impl fmt::Display for LayoutChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::One => f.write_str("one"),
+            Self::Patches => f.write_str("patches"),
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
+impl FromStr for LayoutChoice {
+    type Err = ParseOptionError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(match text {
+            "auto" => Self::Auto,
+            "one" => Self::One,
+            "patches" => Self::Patches,
+            "" => return Err(parse_error(text, "auto, one, patches, or a file")),
+            path => Self::File(path.into()),
+        })
+    }
+}
+
 /// Which arcs of a layout are creases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sharp {
+    /// Those along edges of the mesh sharper than 40°, if the mesh has creases at all.
+    Auto,
     /// Those along which the mesh is sharper than this angle, in degrees.
     Angle(f64),
     /// None.
@@ -59,6 +98,7 @@ pub enum Sharp {
 impl fmt::Display for Sharp {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Auto => f.write_str("auto"),
             Self::Angle(degrees) => degrees.fmt(f),
             Self::Off => f.write_str("off"),
         }
@@ -69,7 +109,11 @@ impl FromStr for Sharp {
     type Err = ParseOptionError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        positive_or_off(text).map(|degrees| degrees.map_or(Self::Off, Self::Angle))
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let typed = positive_or_off(text).map_err(|_| parse_error(text, "auto, a positive number, or off"))?;
+        Ok(typed.map_or(Self::Off, Self::Angle))
     }
 }
 
@@ -84,17 +128,17 @@ fn positive_or_off(text: &str) -> Result<Option<f64>, ParseOptionError> {
     }
 }
 
-serialize_as_typed!(Smoothness, Sharp);
+serialize_as_typed!(Smoothness, Sharp, LayoutChoice);
 
 /// How a whole part is fitted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SolidOptions {
-    /// The file with the layout.
-    pub layout: PathBuf,
+    /// The layout: of a file, or else found here.
+    pub layout: LayoutChoice,
     /// Degree in both directions.
     pub degree: usize,
-    /// Elements along each side of a patch.
-    pub elements: usize,
+    /// Elements along each side of a patch; by default 4, and more where these are too few for the tolerance.
+    pub elements: Option<usize>,
     /// Weight of smooth joins.
     pub smoothness: Smoothness,
     /// Which arcs are creases.
@@ -114,15 +158,14 @@ pub struct SolidOptions {
     pub read: ReadOptions,
 }
 
-impl SolidOptions {
-    /// The defaults for a layout.
-    pub fn of_layout(layout: PathBuf) -> Self {
+impl Default for SolidOptions {
+    fn default() -> Self {
         Self {
-            layout,
+            layout: LayoutChoice::Patches,
             degree: 3,
-            elements: 4,
+            elements: None,
             smoothness: Smoothness::Weight(1.0),
-            sharp: Sharp::Angle(CREASE_DEGREES),
+            sharp: Sharp::Auto,
             plates: multi_patch::Options::default().plates,
             tol: Tolerance::Percent(0.3),
             within: 0.99,
@@ -130,6 +173,13 @@ impl SolidOptions {
             flip: false,
             read: ReadOptions::default(),
         }
+    }
+}
+
+impl SolidOptions {
+    /// The defaults for the layout of a file.
+    pub fn of_layout(layout: PathBuf) -> Self {
+        Self { layout: LayoutChoice::File(layout), ..Self::default() }
     }
 
     /// Refuses what is not possible.
@@ -139,14 +189,16 @@ impl SolidOptions {
     pub fn check(&self) -> Result<(), Error> {
         let refused = |option, given: String, allowed| Err(Error::OptionRange { option, given, allowed });
         if !(2..=thb_core::MAX_DEGREE).contains(&self.degree) {
-            return refused("--degree", self.degree.to_string(), "from 2 to 8 with --layout, equal in both directions");
-        }
-        if !(1..=MAX_ELEMENTS).contains(&self.elements) {
             return refused(
-                "--mesh",
-                self.elements.to_string(),
-                "from 1 to 256 with --layout, equal in both directions",
+                "--degree",
+                self.degree.to_string(),
+                "from 2 to 8 for whole parts, equal in both directions",
             );
+        }
+        if let Some(elements) = self.elements
+            && !(1..=MAX_ELEMENTS).contains(&elements)
+        {
+            return refused("--mesh", elements.to_string(), "from 1 to 256 for whole parts, equal in both directions");
         }
         if !(self.within > 0.0 && self.within <= 1.0) {
             return refused("--within", self.within.to_string(), "above 0 and at most 1");
