@@ -3,11 +3,13 @@
 //!
 //! A [`QuadLayout`] is made of patches given by corners, paths of vertices between them, and triangles with parameters. It is checked
 //! whole: patches are glued path to path ([`thb_core::PatchTopology`]), and patches whose triangles fold in the parameters are mapped anew.
-//! [`Locator`] finds the place of a point; [`QuadLayout::sharp_arcs`] tells where the surface itself has a crease.
+//! [`QuadLayout::of_mesh`] makes one of a closed mesh alone. [`Locator`] finds the place of a point; [`QuadLayout::sharp_arcs`] tells where the surface itself has a crease.
 //!
 //! The crate reads no file and knows nothing of how the surface is fitted.
 
 mod build;
+#[cfg(test)]
+mod build_tests;
 mod creases;
 mod error;
 mod injective;

@@ -23,9 +23,6 @@ const TURN_SHARE: f64 = 1.0 / 16.0;
 const WIDE: f64 = 2.45;
 const PART: f64 = 1.75;
 
-/// Crossings of a closed crease without corners, at least.
-const ROUND: usize = 4;
-
 /// A crease from corner to corner, or closed: then its first vertex is its last.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
@@ -40,6 +37,8 @@ pub(super) struct Line {
 pub(super) struct Lines {
     pub(super) lines: Vec<Line>,
     pub(super) corners: BTreeSet<u32>,
+    /// Pairs of half-edges to the left of which one region lies.
+    pub(super) joined: Vec<[(u32, u32); 2]>,
 }
 
 /// What grows from creases.
@@ -74,22 +73,6 @@ impl Line {
         ends
     }
 
-    /// Crossings about `spacing` apart; more than one vertex apart.
-    pub(super) fn cross(&mut self, mesh: &WorkMesh, spacing: f64) {
-        let lengths = self.lengths(mesh);
-        let total = lengths[lengths.len() - 1];
-        let wished = (total / spacing).round() as usize;
-        let parts = if self.is_closed { wished.max(ROUND) } else { wished.max(1) };
-        let first = usize::from(!self.is_closed);
-        let places = (first..parts).map(|i| {
-            let t = total * i as f64 / parts as f64;
-            let after = lengths.partition_point(|&l| l < t).min(lengths.len() - 1);
-            if after > 0 && t - lengths[after - 1] < lengths[after] - t { after - 1 } else { after }
-        });
-        self.crossings = places.collect();
-        self.crossings.dedup();
-    }
-
     /// One more crossing in the middle of an interval; whether there is room.
     pub(super) fn cross_within(&mut self, mesh: &WorkMesh, interval: usize) -> bool {
         let (ends, lengths) = (self.ends(), self.lengths(mesh));
@@ -114,7 +97,7 @@ impl Lines {
         let mut corners: BTreeSet<u32> = at.iter().filter(|(_, others)| others.len() != 2).map(|(&v, _)| v).collect();
         let turns = Self::walk(&at, &corners).into_iter().flat_map(|line| turning_corners(mesh, &line));
         corners.extend(turns.collect::<Vec<_>>());
-        Self { lines: Self::walk(&at, &corners), corners }
+        Self { lines: Self::walk(&at, &corners), corners, joined: Vec::new() }
     }
 
     fn walk(at: &BTreeMap<u32, Vec<u32>>, corners: &BTreeSet<u32>) -> Vec<Line> {
@@ -155,6 +138,11 @@ impl Lines {
                     of_half_edge.insert((line.path[i], line.path[i + 1]), slots[0]);
                     of_half_edge.insert((line.path[i + 1], line.path[i]), slots[1]);
                 }
+            }
+        }
+        for [a, b] in &self.joined {
+            if let (Some(&a), Some(&b)) = (of_half_edge.get(a), of_half_edge.get(b)) {
+                sets.join(a, b);
             }
         }
         let vertices: BTreeSet<u32> = mesh.sharp.iter().flatten().copied().collect();

@@ -19,12 +19,14 @@ mod patterns;
 mod plan;
 mod refine;
 mod regions;
+mod rungs;
 mod straighten;
 
 use point_cloud::vec3::{add, norm, scale, sub};
 
 use crate::{LayoutError, QuadLayout, RawPatch};
 use mesh::WorkMesh;
+use patchwork::Patchwork;
 use plan::Plan;
 
 /// Which edges of a mesh are creases.
@@ -53,11 +55,10 @@ impl Default for BuildOptions {
     }
 }
 
-/// Rounds in which regions that cannot be cut well are parted, and how many may bring nothing.
+/// Rounds in which regions that cannot be cut are parted.
 ///
 /// Limit: each takes as long as the first.
-const ROUNDS: usize = 1;
-const PATIENCE: usize = 3;
+const ROUNDS: usize = 4;
 
 impl QuadLayout {
     /// Cuts a closed mesh into patches of four sides: creases lie on arcs, and no smooth vertex has two patches. Vertices in one place
@@ -73,68 +74,54 @@ impl QuadLayout {
         let mut mesh = WorkMesh::new(placed, triangles.to_vec())?;
         mesh.sharp = features::creases(&mesh, options.creases);
         refine::refine(&mut mesh);
-        let mut plan = Plan::new(mesh, options.radius);
-        let mut best: Option<Candidate> = None;
-        let mut since = 0;
-        for _ in 0..ROUNDS {
-            let mut work = plan.patchwork()?;
-            work.straighten();
-            let choice = choose::choose(&work);
-            let mut candidate = Candidate { broken: 0.0, patches: Vec::new(), work };
-            let wanting = candidate.cut(&choice);
-            tracing::info!(regions = choice.costs.len(), patches = candidate.patches.len(), candidate.broken, "layout");
-            since += 1;
-            if best.as_ref().is_none_or(|best| candidate.broken < best.broken) {
-                best = Some(candidate);
-                since = 0;
-            }
-            if wanting.is_empty() || since > PATIENCE || plan.part(&wanting).is_err() {
-                break;
+        let tries = [true, false].map(|spans_narrow| (spans_narrow, mesh.clone()));
+        let mut failure = LayoutError::NoMesh;
+        for (spans_narrow, mesh) in tries {
+            match cut(Plan::new(mesh, options.radius, spans_narrow)) {
+                Ok(cut) => return Ok(finished(cut)?.moved(|p| add(centre, scale(diagonal, p)))),
+                Err(error) => failure = error,
             }
         }
-        let best = best.filter(|best| best.broken.is_finite());
-        let best = best.ok_or(LayoutError::NotCut { regions: 1, reason: "their parts are no disks" })?;
-        let sharp = Plan::sharp_edges(&best.work);
-        let mut work = patchwork::Patchwork::of_patches(best.work.points, best.patches, &sharp);
+        Err(failure)
+    }
+}
+
+/// Patches of a plan, and the surface that they are of.
+fn cut(mut plan: Plan) -> Result<(Vec<RawPatch>, Patchwork), LayoutError> {
+    let mut left = Vec::new();
+    for _ in 0..ROUNDS {
+        let mut work = plan.patchwork()?;
         work.straighten();
-        let patches: Vec<RawPatch> = (0..work.polygons.len())
-            .map(|region| {
-                let sides = std::array::from_fn(|k| work.path(work.polygons[region][k]));
-                patches::patch(sides, std::mem::take(&mut work.faces[region]))
-            })
-            .collect();
-        let sharp = Plan::sharp_edges(&work);
-        let mut layout = QuadLayout::new(work.points, patches)?;
-        let is_sharp = |path: &Vec<u32>| sharp.contains(&mesh::edge(path[0], path[1]));
-        layout.creases = Some(layout.paths.iter().map(is_sharp).collect());
-        layout.mapped_anew.clear();
-        Ok(layout.moved(|p| add(centre, scale(diagonal, p))))
-    }
-}
-
-/// A layout, and how far it breaks the rules of corners and sides.
-struct Candidate {
-    broken: f64,
-    patches: Vec<RawPatch>,
-    work: patchwork::Patchwork,
-}
-
-impl Candidate {
-    /// Cuts polygons into patches: the regions that cannot be cut, or break rules.
-    fn cut(&mut self, choice: &choose::Choice) -> Vec<u32> {
-        self.broken = choice.costs.iter().map(|cost| (cost / patterns::BROKEN).floor()).sum();
-        match patches::patches(&mut self.work, choice) {
-            Ok((patches, _)) => {
-                self.patches = patches;
-                let is_broken = |region: &u32| choice.costs[*region as usize] >= patterns::BROKEN;
-                (0..choice.costs.len() as u32).filter(is_broken).collect()
+        let choice = choose::choose(&work);
+        match patches::patches(&mut work, &choice) {
+            Ok(patches) => {
+                tracing::info!(regions = choice.cuts.len(), patches = patches.len(), "layout");
+                return Ok((patches, work));
             }
-            Err(failed) => {
-                self.broken = f64::INFINITY;
-                failed
-            }
+            Err(failed) => left = failed,
         }
+        plan.part(&left)?;
     }
+    Err(LayoutError::NotCut { regions: left.len(), reason: "their parts are no disks" })
+}
+
+/// The layout of patches that were drawn anew as regions are.
+fn finished((patches, work): (Vec<RawPatch>, Patchwork)) -> Result<QuadLayout, LayoutError> {
+    let sharp = Plan::sharp_edges(&work);
+    let mut work = Patchwork::of_patches(work.points, patches, &sharp);
+    work.straighten();
+    let patches: Vec<RawPatch> = (0..work.polygons.len())
+        .map(|region| {
+            let sides = std::array::from_fn(|k| work.path(work.polygons[region][k]));
+            patches::patch(sides, std::mem::take(&mut work.faces[region]))
+        })
+        .collect();
+    let sharp = Plan::sharp_edges(&work);
+    let mut layout = QuadLayout::new(work.points, patches)?;
+    let is_sharp = |path: &Vec<u32>| sharp.contains(&mesh::edge(path[0], path[1]));
+    layout.creases = Some(layout.paths.iter().map(is_sharp).collect());
+    layout.mapped_anew.clear();
+    Ok(layout)
 }
 
 fn box_of<'a>(points: impl Iterator<Item = &'a [f64; 3]>) -> [[f64; 3]; 2] {

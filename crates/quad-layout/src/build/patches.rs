@@ -13,21 +13,19 @@ struct Part {
     vertices: Vec<usize>,
 }
 
-/// Patches of all regions, each with the number of its region; points that cuts need are added. The regions that cannot be cut, as an
+/// Patches of all regions; points that cuts need are added. The regions that cannot be cut, as an
 /// error.
-pub(super) fn patches(work: &mut Patchwork, choice: &Choice) -> Result<(Vec<RawPatch>, Vec<usize>), Vec<u32>> {
-    let (mut patches, mut of_region, mut failed) = (Vec::new(), Vec::new(), Vec::new());
+pub(super) fn patches(work: &mut Patchwork, choice: &Choice) -> Result<Vec<RawPatch>, Vec<u32>> {
+    let (mut patches, mut failed) = (Vec::new(), Vec::new());
     for region in 0..work.polygons.len() {
         let sides = sides(work, &work.polygons[region], &choice.halved);
         let vertices = (0..sides.len()).collect();
         let part = Part { faces: work.faces[region].clone(), sides, vertices };
-        let before = patches.len();
         if cut(&mut work.points, part, &choice.cuts[region], &mut patches).is_none() {
             failed.push(region as u32);
         }
-        of_region.resize(of_region.len() + patches.len() - before, region);
     }
-    if failed.is_empty() { Ok((patches, of_region)) } else { Err(failed) }
+    if failed.is_empty() { Ok(patches) } else { Err(failed) }
 }
 
 /// Cuts a part along the first of its lines, and what is left in turn.

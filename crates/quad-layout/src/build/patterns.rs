@@ -12,7 +12,7 @@ const ANGLES: [f64; 2] = [0.61, 2.5];
 const RATIO: f64 = 0.25;
 
 /// What a broken rule costs, and how much more the farther.
-pub(super) const BROKEN: f64 = 50.0;
+const BROKEN: f64 = 50.0;
 
 /// What a patch costs.
 ///
@@ -67,8 +67,23 @@ impl Polygon {
         }
     }
 
-    fn quad(&self, v: [usize; 4]) -> f64 {
-        let angle = |k: usize| self.angle(v[k], self.uv[v[(k + 1) % 4]], self.uv[v[(k + 3) % 4]]);
+    /// Directions from each vertex to each, and the vertex's own angle.
+    fn directions(&self) -> Directions {
+        let n = self.len();
+        let direction = |i: usize| {
+            let (p, q) = (self.uv[i / n], self.uv[i % n]);
+            (q[1] - p[1]).atan2(q[0] - p[0])
+        };
+        let own = |at: usize| turn_at(self.uv[at], self.uv[(at + 1) % n], self.uv[(at + n - 1) % n]).max(1e-9);
+        Directions { n, all: (0..n * n).map(direction).collect(), own: (0..n).map(own).collect() }
+    }
+
+    fn quad(&self, v: [usize; 4], to: &Directions) -> f64 {
+        let angle = |k: usize| {
+            let (at, next, before) = (v[k], v[(k + 1) % 4], v[(k + 3) % 4]);
+            let part = (to.all[at * to.n + before] - to.all[at * to.n + next]).rem_euclid(TAU);
+            self.angles[at] * (part / to.own[at]).min(1.0)
+        };
         let length = |k: usize| self.length(v[k], v[(k + 1) % 4]);
         cost(std::array::from_fn(angle), std::array::from_fn(length))
     }
@@ -80,14 +95,14 @@ impl Polygon {
             return (f64::INFINITY, Cut::default());
         }
         let mut known = BTreeMap::new();
-        let cost = self.part(0, n - 1, &mut known);
+        let cost = self.part(0, n - 1, &self.directions(), &mut known);
         let mut cut = Cut::default();
         self.collect((0, n - 1), &known, &mut cut);
         (cost, cut)
     }
 
     /// The cost of the part with vertices from `i` to `j`, closed by the line between them.
-    fn part(&self, i: usize, j: usize, known: &mut BTreeMap<(usize, usize), (f64, Choice)>) -> f64 {
+    fn part(&self, i: usize, j: usize, to: &Directions, known: &mut BTreeMap<(usize, usize), (f64, Choice)>) -> f64 {
         if j - i < 3 {
             return if j - i == 1 { 0.0 } else { f64::INFINITY };
         }
@@ -97,9 +112,10 @@ impl Polygon {
         let mut best = (f64::INFINITY, Choice::Quad(i, j));
         for a in (i + 1..j).step_by(2) {
             for b in (a + 1..j).step_by(2) {
-                let quad = self.quad([i, a, b, j]);
+                let quad = self.quad([i, a, b, j], to);
                 if quad < best.0 {
-                    let cost = quad + self.part(i, a, known) + self.part(a, b, known) + self.part(b, j, known);
+                    let cost =
+                        quad + self.part(i, a, to, known) + self.part(a, b, to, known) + self.part(b, j, to, known);
                     if cost < best.0 {
                         best = (cost, Choice::Quad(a, b));
                     }
@@ -150,6 +166,13 @@ impl Polygon {
             }
         }
     }
+}
+
+/// Directions between the vertices of a polygon in the plane.
+struct Directions {
+    n: usize,
+    all: Vec<f64>,
+    own: Vec<f64>,
 }
 
 #[derive(Clone, Copy, Debug)]

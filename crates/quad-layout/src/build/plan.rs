@@ -8,6 +8,7 @@ use super::mesh::{Neighbours, WorkMesh, edge};
 use super::patchwork::Patchwork;
 use super::refine::part_from_creases;
 use super::regions::{Ground, Regions};
+use super::rungs;
 use crate::LayoutError;
 
 /// Spacing of crossings along creases, in radii of regions.
@@ -18,9 +19,9 @@ const EDGES: usize = 4;
 
 /// Rounds in which seeds are added, and in which triangles along creases are split.
 ///
-/// Limit: a region is added a round at least; a part of 133 handles takes more.
-const ROUNDS: usize = 60;
-const SPLITS: usize = 8;
+/// Limit: where regions do not become disks by then, smaller ones are tried.
+const ROUNDS: usize = 20;
+const SPLITS: usize = 5;
 
 /// Rounds of averaging normals.
 const SMOOTHING: usize = 15;
@@ -36,23 +37,23 @@ pub(super) struct Plan {
     crossings: BTreeSet<u32>,
     /// Nodes on creases at which no arc need end.
     nodes: BTreeSet<u32>,
+    spacing: f64,
+    /// Whether regions reach across narrow faces from crease to crease.
+    spans_narrow: bool,
     single: Vec<u32>,
     /// The regions at the last attempt.
     regions: Option<Regions>,
 }
 
 impl Plan {
-    pub(super) fn new(mut mesh: WorkMesh, radius: f64) -> Self {
+    pub(super) fn new(mut mesh: WorkMesh, radius: f64, spans_narrow: bool) -> Self {
         part_from_creases(&mut mesh);
-        let mut lines = Lines::trace(&mesh);
-        let mut crossings = BTreeSet::new();
-        for line in &mut lines.lines {
-            line.cross(&mesh, SPACING * radius);
-            crossings.extend(line.crossings.iter().map(|&at| line.path[at]));
-        }
         let neighbours = mesh.neighbours();
-        let mut plan =
-            Self { mesh, neighbours, lines, crossings, nodes: BTreeSet::new(), single: Vec::new(), regions: None };
+        let lines = Lines::trace(&mesh);
+        let spacing = SPACING * radius;
+        let crossings = rungs::crossings(&mesh, &neighbours, &lines, spacing);
+        let (nodes, single) = (BTreeSet::new(), Vec::new());
+        let mut plan = Self { mesh, neighbours, lines, crossings, nodes, spacing, spans_narrow, single, regions: None };
         plan.split();
         let ground = Ground::new(&plan.mesh, &plan.neighbours, SMOOTHING);
         let seeds = plan.lines.seeds(&plan.mesh, &plan.neighbours);
@@ -70,6 +71,9 @@ impl Plan {
                 let is_inner = |at: &usize| (line.is_closed || *at > 0) && *at < end;
                 line.crossings =
                     (0..=end).filter(is_inner).filter(|&at| self.crossings.contains(&line.path[at])).collect();
+            }
+            if self.spans_narrow {
+                self.lines.joined = rungs::joined(&self.mesh, &self.neighbours, &self.lines, self.spacing);
             }
             let mut halved: BTreeSet<[u32; 2]> = BTreeSet::new();
             for line in &self.lines.lines {
@@ -130,7 +134,7 @@ impl Plan {
                 unfit.iter().filter_map(|&region| self.within(&ground, &seeds, &regions, region)).collect();
             let borders: Vec<Addition> = at_borders.iter().filter_map(|path| self.beside(&regions, path)).collect();
             let before = self.size();
-            additions.into_iter().chain(borders).for_each(|addition| self.add(addition));
+            self.add_all(additions.into_iter().chain(borders));
             if before == self.size() {
                 break;
             }
@@ -149,7 +153,7 @@ impl Plan {
         let additions: Vec<Addition> =
             of.iter().filter_map(|&region| self.across(&ground, &seeds, &regions, region)).collect();
         let before = self.size();
-        additions.into_iter().for_each(|addition| self.add(addition));
+        self.add_all(additions.into_iter());
         if before == self.size() {
             return Err(LayoutError::NotCut { regions: of.len(), reason: "there is no room for smaller ones" });
         }
@@ -229,6 +233,14 @@ impl Plan {
         Some(Addition::Seed(face))
     }
 
+    fn add_all(&mut self, additions: impl Iterator<Item = Addition>) {
+        let before = self.crossings.len();
+        additions.for_each(|addition| self.add(addition));
+        if self.crossings.len() > before {
+            self.split_keeping_seeds();
+        }
+    }
+
     fn add(&mut self, addition: Addition) {
         match addition {
             Addition::Seed(face) if !self.single.contains(&face) => self.single.push(face),
@@ -237,9 +249,7 @@ impl Plan {
                 self.nodes.insert(vertex);
             }
             Addition::Crossing(vertex) => {
-                if self.crossings.insert(vertex) {
-                    self.split_keeping_seeds();
-                }
+                self.crossings.insert(vertex);
             }
         }
     }
