@@ -9,7 +9,7 @@ use super::mesh::{Neighbours, WorkMesh, edge};
 
 /// A difference of normals counts as much as this share of the diagonal: regions turn little.
 ///
-/// Calibrated: as the radius of regions.
+/// Limit: the middle of the range of an earlier prototype, 0.1 to 0.15; not calibrated yet.
 pub(super) const TURN_COUNTS: f64 = 0.12;
 
 /// Rounds in which seeds move to the middles of their regions.

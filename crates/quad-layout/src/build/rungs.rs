@@ -11,7 +11,7 @@ use super::mesh::{Neighbours, WorkMesh};
 
 /// Widest face that counts as narrow, as a share of the spacing of crossings.
 ///
-/// Calibrated: as the radius of regions.
+/// Limit: tried on eleven parts with creases at this value only.
 const NARROW: f64 = 0.7;
 
 /// How far, in widths, a crossing across may be off, and how much longer a way along edges is than a straight one.
