@@ -246,7 +246,7 @@ impl<'a> Measured<'a> {
         tolerance: f64,
         thresholds: &Thresholds,
     ) -> Result<Deviation, Error> {
-        let from_scan = self.from_scan(scan, parameters, tolerance, thresholds, Largest::Searched);
+        let from_scan = self.scan_side_with(scan, parameters, tolerance, thresholds, Largest::Searched);
         let from_surface = match &scan.kind {
             Kind::Mesh(mesh) => self.surface_to_mesh(mesh, tolerance, Largest::Searched),
             Kind::Cloud(cloud) => {
@@ -299,10 +299,10 @@ impl<'a> Measured<'a> {
         tolerance: f64,
         thresholds: &Thresholds,
     ) -> ScanSide {
-        self.from_scan(scan, parameters, tolerance, thresholds, Largest::OfPlaces)
+        self.scan_side_with(scan, parameters, tolerance, thresholds, Largest::OfPlaces)
     }
 
-    fn from_scan(
+    fn scan_side_with(
         &self,
         scan: &Scan<'_>,
         parameters: Option<ArrayView2<'_, f64>>,
