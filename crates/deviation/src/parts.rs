@@ -36,11 +36,11 @@ pub(crate) fn for_each_part(n: usize, mut visit: impl FnMut([f64; 3])) {
     for_each_part_at(n, |_| [1.0 / 3.0; 2], &mut |weights, _| visit(weights));
 }
 
-/// The `n²` parts of a triangle as pieces, in the order of [`for_each_part`], of which `most` gives what none of their places exceeds.
-pub(crate) fn pieces(triangle: u32, n: usize, mut most: impl FnMut(usize) -> f64) -> Vec<Piece> {
+/// The `n²` parts of a triangle as pieces, in the order of [`for_each_part`], of which `judged` tells the distances at their middles.
+pub(crate) fn pieces(triangle: u32, n: usize, mut judged: impl FnMut(usize) -> Judged) -> Vec<Piece> {
     let mut pieces = Vec::with_capacity(n * n);
     for_each_part_at(n, |_| [1.0 / 3.0; 2], &mut |middle, sign| {
-        pieces.push(Piece { triangle, middle, size: sign / n as f64, most: most(pieces.len()) });
+        pieces.push(Piece { triangle, middle, size: sign / n as f64, judged: judged(pieces.len()) });
     });
     pieces
 }
@@ -102,11 +102,18 @@ pub(crate) struct Piece {
     middle: [f64; 3],
     /// Its size in triangles, negative where it is turned by half a turn.
     size: f64,
-    /// What no place of it exceeds.
-    pub(crate) most: f64,
+    /// The distance at its middle, and what no place of it exceeds.
+    pub(crate) judged: Judged,
 }
 
 impl Piece {
+    /// The largest distance that is to be expected in it: most distances grow by half of what they may. A middle that does not count, beyond
+    /// an outline, tells nothing.
+    fn promise(&self) -> f64 {
+        let Judged { distance, most } = self.judged;
+        if distance.is_finite() { 0.5 * (distance + most) } else { most }
+    }
+
     /// The middles of the parts of an even cut, and their sizes.
     fn parts(&self) -> [([f64; 3], f64); CUT * CUT] {
         let mut parts = [([0.0; 3], 0.0); CUT * CUT];
@@ -138,7 +145,7 @@ impl Ord for Piece {
     fn cmp(&self, other: &Self) -> Ordering {
         let by_middle =
             || (0..3).map(|k| other.middle[k].total_cmp(&self.middle[k])).fold(Ordering::Equal, Ordering::then);
-        self.most.total_cmp(&other.most).then(other.triangle.cmp(&self.triangle)).then_with(by_middle)
+        self.promise().total_cmp(&other.promise()).then(other.triangle.cmp(&self.triangle)).then_with(by_middle)
     }
 }
 
@@ -148,8 +155,8 @@ pub(crate) fn worth_cutting(known: f64, tolerance: f64) -> f64 {
 }
 
 /// The farthest place in `pieces`, if that is farther than is `known`, by branch and bound (Piyavskii and Shubert's search for the
-/// largest value of a function that does not change faster than its argument): the piece that may have the largest distance is cut, and
-/// pieces that cannot have a larger one than is known, up to a hundredth of it or of the tolerance, or are that small, are left out.
+/// largest value of a function that does not change faster than its argument): the piece that promises most is cut, and pieces that cannot
+/// have a larger distance than is known, up to a hundredth of it or of the tolerance, or are that small, are left out.
 /// `judge` gives the distance at a place of a triangle and what it is at most within a reach of it, `radius` the reach that takes in all
 /// of a triangle from its middle. The result is certain unless `judge` is asked 2·10⁴ times, when the best place so far is taken.
 pub(crate) fn farthest(
@@ -162,10 +169,9 @@ pub(crate) fn farthest(
     let mut open = BinaryHeap::from(pieces);
     let (mut best, mut known, mut asked) = (None, known, 0);
     while asked < MOST_SEARCHED {
-        let mut cut = Vec::with_capacity(CUT_AT_ONCE);
-        while cut.len() < CUT_AT_ONCE && open.peek().is_some_and(|piece| piece.most > worth_cutting(known, tolerance)) {
-            cut.extend(open.pop());
-        }
+        let is_worth = |piece: &Piece| piece.judged.most > worth_cutting(known, tolerance);
+        let popped = std::iter::from_fn(|| open.pop());
+        let cut: Vec<Piece> = popped.filter(is_worth).take(CUT_AT_ONCE).collect();
         if cut.is_empty() {
             break;
         }
@@ -173,17 +179,18 @@ pub(crate) fn farthest(
             let radius = radius(piece.triangle);
             piece.parts().map(|(middle, size)| {
                 let found = judge(piece.triangle, middle, size.abs() * radius);
-                (Piece { middle, size, most: found.most.min(piece.most), ..*piece }, found.distance)
+                let judged = Judged { most: found.most.min(piece.judged.most), ..found };
+                Piece { middle, size, judged, ..*piece }
             })
         };
-        let parts: Vec<[(Piece, f64); CUT * CUT]> = cut.par_iter().map(of_piece).collect();
-        for (part, distance) in parts.into_iter().flatten() {
+        let parts: Vec<[Piece; CUT * CUT]> = cut.par_iter().map(of_piece).collect();
+        for part in parts.into_iter().flatten() {
             asked += 1;
-            if distance > known {
-                (best, known) = (Some((part.triangle, part.middle)), distance);
+            if part.judged.distance > known {
+                (best, known) = (Some((part.triangle, part.middle)), part.judged.distance);
             }
             let is_large = part.size.abs() * radius(part.triangle) > LARGEST_ERROR * tolerance;
-            if is_large && part.most > worth_cutting(known, tolerance) {
+            if is_large && part.judged.most > worth_cutting(known, tolerance) {
                 open.push(part);
             }
         }
@@ -247,7 +254,7 @@ mod tests {
             let distance = height(t, w);
             Judged { distance, most: distance + reach }
         };
-        let whole = |t: u32| pieces(t, 1, |_| judge(t, [1.0 / 3.0; 3], 0.75).most);
+        let whole = |t: u32| pieces(t, 1, |_| judge(t, [1.0 / 3.0; 3], 0.75));
         let all: Vec<Piece> = (0..100).flat_map(whole).collect();
         let (triangle, weights) = farthest(all.clone(), 0.0, 0.1, &|_| 0.75, &judge).unwrap();
         assert!(height(triangle, weights) > 1.099 * 0.99, "{triangle} {weights:?}");
@@ -256,7 +263,7 @@ mod tests {
 
     #[test]
     fn a_piece_is_cut_into_parts_that_cover_it() {
-        let mut pieces = pieces(0, 3, |_| 0.0);
+        let mut pieces = pieces(0, 3, |_| Judged { distance: 0.0, most: 0.0 });
         for _ in 0..2 {
             let parts = |piece: Piece| piece.parts().map(|(middle, size)| Piece { middle, size, ..piece });
             pieces = pieces.into_iter().flat_map(parts).collect();

@@ -26,7 +26,7 @@ COVERED_SPACINGS = 1.0
 # Farther than so many spacings from the nearest point the surface lies beyond the outline or over a hole.
 BEYOND_SPACINGS = 2.0
 # Triangles that may hold the farthest place, in which more places are taken, and how many in each.
-FARTHEST, AGAIN = 400, 60
+FARTHEST, AGAIN = 2000, 60
 # How near to the farthest place of each of these more are taken, as shares of the triangle, one after the other.
 NEARER = (0.2, 0.05, 0.01)
 # Change of the distance between scan and surface, per length, that is expected at most: they are all but parallel.
