@@ -23,8 +23,10 @@ use crate::{
 pub struct BatchOptions {
     /// Outputs; a single directory for several inputs.
     pub outputs: Vec<PathBuf>,
-    /// The report of a single input.
-    pub report: Option<PathBuf>,
+    /// Reports of a single input: pages (`.html`), all others JSON.
+    pub reports: Vec<PathBuf>,
+    /// Whether directories get a page a part.
+    pub pages: bool,
     /// Summary of all parts, one JSON object a line in the order of the inputs. Written anew after each part, so that
     /// an interrupted batch leaves one of what is done.
     pub summary: Option<PathBuf>,
@@ -132,7 +134,7 @@ pub fn run_batch(
     check_outputs(inputs, batch)?;
     let outputs: Vec<OutputPaths> = inputs
         .iter()
-        .map(|input| OutputPaths::of(input, &batch.outputs, batch.report.as_deref()))
+        .map(|input| OutputPaths::of(input, &batch.outputs, &batch.reports, batch.pages))
         .collect::<Result<_, _>>()?;
     let read: Vec<PathBuf> = inputs.iter().chain(options.files()).cloned().collect();
     let taken = check_overwriting(&read, &outputs, batch.summary.as_ref())?;
@@ -201,7 +203,7 @@ fn fit_part(
         }
         let fit = fit_file(input, options, &mut watch)?;
         write_outputs(&fit, outputs)?;
-        Ok((outputs.files.iter().chain(&outputs.report).cloned().collect(), PartOutcome::of_report(fit.report)))
+        Ok((outputs.files.iter().chain(&outputs.reports).cloned().collect(), PartOutcome::of_report(fit.report)))
     };
     let (outputs, outcome) = fit_and_write().unwrap_or_else(|error| {
         tracing::error!(input = %input.display(), %error, "failed");
@@ -286,7 +288,7 @@ fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> 
     if inputs.len() < 2 {
         return Ok(());
     }
-    let files = batch.outputs.iter().filter(|output| !is_directory(output)).chain(&batch.report);
+    let files = batch.outputs.iter().filter(|output| !is_directory(output)).chain(&batch.reports);
     if let Some(path) = files.into_iter().next() {
         return Err(Error::NeedsDirectory { path: path.clone(), count: inputs.len() });
     }
@@ -314,7 +316,7 @@ pub fn check_parameter_outputs(
     for path in outputs {
         check_parameter_format(path)?;
     }
-    let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
+    let paths = OutputPaths { files: outputs.to_vec(), reports: report.map(Path::to_owned).into_iter().collect() };
     let read: Vec<PathBuf> =
         std::iter::once(input).chain(options.files().map(PathBuf::as_path)).map(Path::to_owned).collect();
     check_overwriting(&read, &[paths], None).map(drop)
@@ -328,7 +330,7 @@ pub(crate) fn check_overwriting(
 ) -> Result<BTreeSet<PathBuf>, Error> {
     let read: BTreeSet<PathBuf> = inputs.iter().map(|input| identity(input)).collect();
     let mut written = BTreeSet::new();
-    for path in outputs.iter().flat_map(|paths| paths.files.iter().chain(&paths.report)).chain(summary) {
+    for path in outputs.iter().flat_map(|paths| paths.files.iter().chain(&paths.reports)).chain(summary) {
         let identity = identity(path);
         if read.contains(&identity) {
             return Err(Error::OutputIsInput { path: path.clone() });

@@ -41,12 +41,14 @@ mod options;
 mod orientation;
 mod output;
 mod parameters;
+mod page;
 mod paths;
 mod picture;
 mod pieces;
 mod prepare;
 mod problem;
 mod report;
+mod scanned;
 mod solid;
 mod tolerance;
 mod trim;
@@ -80,12 +82,14 @@ pub use parameters::{
     HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
     parameterize, parameterize_file,
 };
+pub use page::{page_of, page_of_pieces, page_of_solid};
 pub use picture::draw_parameters;
 pub use pieces::{PieceFit, PieceFits, PieceReport, PiecesReport, fit_pieces, fit_pieces_file};
 pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, SmoothedMore,
     layout_report,
 };
+pub use scanned::Scanned;
 pub use solid::{
     Sharp, Smoothness, SolidDistances, SolidFit, SolidLayoutReport, SolidOptions, SolidReason, SolidReport,
     SolidVolume, check_solid_outputs, fit_solid_file, write_solid_outputs,

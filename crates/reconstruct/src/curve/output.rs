@@ -18,7 +18,7 @@ pub fn check_curve_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Pa
     if let Some(path) = outputs.iter().find(unknown) {
         return Err(Error::CurveFormat { path: path.clone() });
     }
-    let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
+    let paths = OutputPaths { files: outputs.to_vec(), reports: report.map(Path::to_owned).into_iter().collect() };
     check_overwriting(&[input.to_owned()], &[paths], None).map(drop)
 }
 

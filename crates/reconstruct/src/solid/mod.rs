@@ -14,8 +14,8 @@ use multi_patch::{Fitted, Surface};
 use quad_layout::{QuadLayout, RawPatch};
 use thb_core::MultiPatchSpace;
 
-use crate::output::make_parent;
-use crate::{Error, Event, Watch, units, write_report};
+use crate::output::{is_page, make_parent};
+use crate::{Error, Event, Watch, page_of_solid, units, write_report, write_text};
 use mesh::SolidMesh;
 pub use options::{Sharp, Smoothness, SolidOptions};
 pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, SolidVolume};
@@ -25,6 +25,10 @@ pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, So
 pub struct SolidFit {
     /// The surface.
     pub surface: Surface,
+    /// The samples of the mesh that were fitted, at their foot points.
+    pub samples: multi_patch::Samples,
+    /// The distance of each from the surface.
+    pub distances: Vec<f64>,
     /// How good it is.
     pub report: SolidReport,
     /// Unit of its coordinates.
@@ -71,8 +75,8 @@ pub fn fit_solid_file(path: &Path, options: &SolidOptions, watch: &mut Watch<'_>
     let mut report = report::measured(path, &mesh, &layout, &sharp, &fitted, options);
     report.seconds = start.elapsed().as_secs_f64();
     let reversed = (report.volume.as_ref().is_some_and(|volume| volume.surface < 0.0)) != options.flip;
-    let Fitted { surface, .. } = fitted;
-    Ok(SolidFit { surface, report, unit, reversed })
+    let Fitted { surface, samples, distances, .. } = fitted;
+    Ok(SolidFit { surface, samples, distances, report, unit, reversed })
 }
 
 /// Share of the diagonal by which the box of a layout may differ from that of the mesh: vertices were slid along the surface.
@@ -122,28 +126,36 @@ fn layout_of(path: &Path, mesh: &SolidMesh) -> Result<QuadLayout, Error> {
 ///
 /// # Errors
 /// [`Error::Model`], [`Error::Write`], [`Error::Io`].
-pub fn write_solid_outputs(fit: &SolidFit, outputs: &[std::path::PathBuf], report: Option<&Path>) -> Result<(), Error> {
+pub fn write_solid_outputs(
+    fit: &SolidFit,
+    outputs: &[std::path::PathBuf],
+    reports: &[std::path::PathBuf],
+) -> Result<(), Error> {
     for path in outputs {
         make_parent(path)?;
         write_solid(path, &fit.surface, fit.unit, &StepOptions { flip: fit.reversed, ..StepOptions::default() })?;
     }
-    match report {
-        Some(path) => write_report(path, &fit.report),
-        None => Ok(()),
+    for path in reports {
+        if is_page(path) {
+            write_text(path, &page_of_solid(fit)?.to_html())?;
+        } else {
+            write_report(path, &fit.report)?;
+        }
     }
+    Ok(())
 }
 
 /// Refuses outputs of a surface of many faces that are no STEP files, before work is done for them.
 ///
 /// # Errors
 /// [`Error::SolidFormat`], [`Error::Write`].
-pub fn check_solid_outputs(outputs: &[std::path::PathBuf], report: Option<&Path>) -> Result<(), Error> {
+pub fn check_solid_outputs(outputs: &[std::path::PathBuf], reports: &[std::path::PathBuf]) -> Result<(), Error> {
     for path in outputs {
         if geom_io::ModelFormat::from_path(path) != Some(geom_io::ModelFormat::Step) {
             return Err(Error::SolidFormat { path: path.clone() });
         }
     }
-    for path in outputs.iter().map(std::path::PathBuf::as_path).chain(report) {
+    for path in outputs.iter().chain(reports) {
         make_parent(path)?;
         geom_io::check_writable(path)?;
     }
