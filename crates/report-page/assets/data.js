@@ -73,15 +73,25 @@ function directions(numbers) {
   return found;
 }
 
-const unitSymbol = { micrometre: 'µm', millimetre: 'mm', centimetre: 'cm', metre: 'm', inch: 'in', foot: 'ft' }[report.unit] || report.unit;
+const unitSymbol = report.unit;
 
-/** A number with so many digits that count. */
+/** A number as one reads it, with a minus as long as a plus. */
+const typeset = (text) => text.replaceAll('-', '−');
+
+/** A number with so many digits that count, zeros at its end left out. */
 function digits(x, count = 4) {
   if (!Number.isFinite(x)) return '–';
-  if (x !== 0 && (Math.abs(x) < 1e-3 || Math.abs(x) >= 1e6)) return x.toExponential(count - 1).replace('-', '−');
-  const whole = Math.max(0, Math.floor(Math.log10(Math.max(Math.abs(x), 1e-9))) + 1);
-  const text = x.toFixed(Math.min(6, Math.max(0, count - whole)));
-  return (text.includes('.') ? text.replace(/\.?0+$/, '') : text).replace('-', '−');
+  if (x !== 0 && (Math.abs(x) < 1e-4 || Math.abs(x) >= 1e6)) return typeset(x.toExponential(count - 1));
+  const text = x === 0 ? '0' : x.toFixed(Math.max(0, count - 1 - Math.floor(Math.log10(Math.abs(x)))));
+  return typeset(text.includes('.') ? text.replace(/\.?0+$/, '') : text);
+}
+
+/** Writes numbers that stand below one another: all with as many decimals as give the largest of them `count` digits. */
+function alike(largest, count = 4) {
+  const size = Math.abs(largest);
+  if (!(size > 0) || size < 1e-4 || size >= 1e6) return (x) => digits(x, count - 1);
+  const decimals = Math.max(0, count - 1 - Math.floor(Math.log10(size)));
+  return (x) => typeset(x.toFixed(decimals).replace(/^-(0\.?0*)$/, '$1'));
 }
 
 const percent = (share) => `${(Math.floor(share * 1000) / 10).toFixed(1)} %`;

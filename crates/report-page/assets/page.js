@@ -33,11 +33,13 @@ function fillText() {
   }));
   document.querySelectorAll('.unit').forEach((element) => { element.textContent = unitSymbol; });
   byId('signs').textContent = report.signs;
+  byId('shares-note').textContent = report.sharesNote;
   tableOf(byId('facts'), report.facts.map(({ name, value }) => [name, value]));
   tableOf(byId('options'), report.options.map(({ name, value }) => [name, value]));
   fillReasons();
   fillWorst();
-  byId('convergence').replaceChildren(convergence());
+  byId('convergence-card').hidden = !report.steps.length;
+  if (report.steps.length) byId('convergence').replaceChildren(convergence());
   if (report.tried.length) {
     const table = made('table');
     const [head, ...rows] = report.tried;
@@ -68,13 +70,15 @@ function fillReasons() {
 
 function fillWorst() {
   const head = made('thead'), body = made('tbody'), row = made('tr');
-  row.append(made('th', '#'), made('th', 'distance', 'number'), made('th', 'what'));
+  const written = alike(Math.max(...report.worst.map((worst) => Math.abs(worst.deviation))));
+  row.append(made('th', '#'), made('th', unitSymbol, 'number'), made('th', 'what'));
   head.append(row);
   report.worst.forEach(({ what, deviation, place }, i) => {
     const entry = made('tr');
     entry.tabIndex = 0;
     entry.title = `At ${coordinates(place)}`;
-    entry.append(made('td', i + 1), made('td', signedUnit(deviation), 'number'), made('td', what));
+    const sign = report.signed && deviation > 0 ? '+' : '';
+    entry.append(made('td', i + 1), made('td', sign + written(deviation), 'number'), made('td', what));
     entry.onclick = () => state.viewer && goTo(toScene(place), i);
     entry.onkeydown = (event) => { if (event.key === 'Enter') entry.onclick(); };
     body.append(entry);
@@ -110,7 +114,7 @@ function fillLegend() {
     if (!report.signed && upper !== null && upper < 0) continue;
     const isMiddle = upper !== null && lower !== null && upper + lower === 0;
     if (!report.signed && upper !== null && upper <= 0) continue;
-    const of = (x) => digits(x * state.tolerance, 3);
+    const written = alike(4 * state.tolerance, 3), of = (x) => written(x * state.tolerance);
     const sign = (x) => (report.signed && x > 0 ? '+' : '') + of(x);
     const text = upper === null ? `over ${sign(lower)}` : lower === null ? `under ${sign(upper)}`
       : isMiddle ? (report.signed ? `±${of(upper)}` : `up to ${of(upper)}`) : `${sign(lower)} to ${sign(upper)}`;
@@ -126,9 +130,10 @@ function fillPercentiles() {
   const all = report.quantiles;
   if (!all.length) return;
   const sizes = all.map(Math.abs).sort((a, b) => a - b);
-  const at = (list, share) => digits(list[Math.round(share * (list.length - 1))]);
+  const written = alike(sizes.at(-1), 3);
+  const at = (list, share) => written(list[Math.round(share * (list.length - 1))]);
   const shares = [0.01, 0.05, 0.5, 0.95, 0.99];
-  const rows = [['not exceeded by', ...shares.map((s) => `${Math.round(100 * s)} %`), 'all'].map((cell) => made('th', cell))];
+  const rows = [['', ...shares.map((s) => `${Math.round(100 * s)} %`), 'most'].map((cell) => made('th', cell))];
   if (report.signed) rows.push(['signed', ...shares.map((s) => at(all, s)), at(all, 1)]);
   rows.push([report.signed ? 'size' : 'distance', ...shares.map((s) => at(sizes, s)), at(sizes, 1)]);
   tableOf(byId('percentiles'), rows);
@@ -139,7 +144,7 @@ function setTolerance(tolerance) {
   state.tolerance = tolerance;
   byId('tolerance').value = Number(tolerance.toPrecision(4));
   byId('tolerance-slider').value = Math.log10(tolerance / report.tolerance);
-  byId('share').textContent = `${percent(shareWithin(tolerance))} within, of the ${report.sharesOf}.`;
+  byId('share').textContent = `${percent(shareWithin(tolerance))} ${report.sharesOf} within.`;
   fillLegend();
   byId('histogram').replaceChildren(histogram(tolerance));
   if (state.viewer) {
@@ -209,7 +214,8 @@ function addPartChoice(viewer) {
 
 function showLabels() {
   const { viewer } = state;
-  state.labels.forEach(({ element, place }) => {
+  state.labels.forEach(({ element, place, facing }) => {
+    if (place && facing) element.classList.toggle('behind', viewer.facesAway(place, facing));
     const at = place && viewer.onScreen(place);
     element.hidden = !at;
     if (at) element.style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
@@ -217,7 +223,10 @@ function showLabels() {
 }
 
 function makeLabels() {
-  state.labels = report.worst.map(({ place }, i) => ({ element: made('span', i + 1, 'label'), place: toScene(place) }));
+  state.labels = report.worst.map(({ place }, i) => {
+    const at = toScene(place);
+    return { element: made('span', i + 1, 'label'), place: at, facing: state.viewer.normalNear(at) };
+  });
   state.labels.push({ element: made('span', '', 'label picked'), place: null });
   byId('labels').replaceChildren(...state.labels.map(({ element }) => element));
 }
@@ -378,7 +387,7 @@ async function start() {
     makeLabels();
     viewer.onDraw = showLabels;
     document.documentElement.classList.add('drawn');
-    viewer.home();
+    viewer.draw();
     // Asking for a pixel waits until the picture is there.
     const gl = viewer.renderer.getContext();
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));

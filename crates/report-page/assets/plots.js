@@ -64,6 +64,7 @@ function logTicks(from, to) {
     const x = m * 10 ** e;
     if (x >= from * 0.999 && x <= to * 1.001) found.push(x);
   }
+  if (found.length < 3) return ticks(from, to, 4).filter((x) => x > 0);
   return found;
 }
 
@@ -93,7 +94,6 @@ function histogram(tolerance) {
 function convergence() {
   const steps = report.steps;
   const box = document.createElement('div');
-  if (!steps.length) { box.textContent = 'Not recorded for this kind of fit.'; return box; }
   const positive = (x) => Math.max(x, 1e-300);
   const counts = steps.map((step) => step.control_points);
   const errors = steps.flatMap((step) => [positive(step.largest), positive(step.rms)]).concat(report.tolerance);
@@ -143,7 +143,7 @@ function drawPlane(canvas, parts, tolerance) {
   context.fillStyle = style.getPropertyValue('--card');
   context.fillRect(0, 0, size, size);
   const image = context.getImageData(0, 0, size, size);
-  const radius = (count) => Math.max(0, Math.min(3, Math.round(0.35 * size / Math.sqrt(count))));
+  const radius = (count) => Math.max(0, Math.min(3, Math.round(0.2 * size / Math.sqrt(count))));
   for (const { parameters, deviations: d } of parts) {
     if (!parameters) continue;
     const reach = radius(d.length);
@@ -157,14 +157,17 @@ function drawPlane(canvas, parts, tolerance) {
     }
   }
   context.putImageData(image, 0, 0);
-  context.strokeStyle = style.getPropertyValue('--text');
-  context.globalAlpha = 0.35;
+  context.strokeStyle = style.getPropertyValue('--accent');
+  context.globalAlpha = 0.6;
   context.lineWidth = 1;
   context.beginPath();
   for (const { cells } of parts) {
+    // The lower and the left side of each cell are all sides but those of the square.
     for (let i = 0; cells && i < cells.length; i += 4) {
-      const [a, b, c, d] = [cells[i], cells[i + 1], cells[i + 2], cells[i + 3]].map((x) => x / 65535 * (size - 1));
-      context.rect(Math.round(a) + 0.5, Math.round(size - 1 - d) + 0.5, Math.round(c - a), Math.round(d - b));
+      const [a, b, c, d] = [cells[i], cells[i + 1], cells[i + 2], cells[i + 3]].map((x) => Math.round(x / 65535 * (size - 1)));
+      context.moveTo(a + 0.5, size - 0.5 - d);
+      context.lineTo(a + 0.5, size - 0.5 - b);
+      context.lineTo(c + 0.5, size - 0.5 - b);
     }
   }
   context.stroke();
@@ -240,19 +243,20 @@ function profilePlot(chains, samples, axis, tolerance) {
   const isTall = ys[1] - ys[0] > xs[1] - xs[0];
   const [h, v] = isTall ? [b, a] : [a, b];
   if (isTall) [xs, ys] = [ys, xs];
-  const width = 1100, scale = Math.min((width - 80) / (xs[1] - xs[0] || 1), 340 / (ys[1] - ys[0] || 1));
-  const height = (ys[1] - ys[0]) * scale + 70;
+  const width = 1100, scale = Math.min((width - 80) / (xs[1] - xs[0] || 1), 280 / (ys[1] - ys[0] || 1));
+  const height = (ys[1] - ys[0]) * scale + 90;
   const shift = (width - (xs[1] - xs[0]) * scale) / 2;
-  const place = (p) => [shift + (p[h] - xs[0]) * scale, height - 35 - (p[v] - ys[0]) * scale];
-  // A tolerance is drawn six pixels long.
-  const factor = 6 / (tolerance * 2 / diagonal * scale);
+  const place = (p) => [shift + (p[h] - xs[0]) * scale, height - 45 - (p[v] - ys[0]) * scale];
+  // A tolerance is drawn twelve pixels long.
+  const factor = 12 / (tolerance * 2 / diagonal * scale);
   const made = svg('svg', { viewBox: `0 0 ${width} ${height}`, role: 'img' });
   for (const chain of chains) made.append(svg('polyline', { class: 'outline', points: chain.map((p) => place(p).map((x) => x.toFixed(1)).join(',')).join(' ') }));
   for (const s of samples) {
     const [x, y] = place(s), towards = s[4];
     if (!towards) continue;
-    const reach = Math.sign(s[3]) * Math.min(28, 6 * Math.abs(s[3]) / tolerance);
-    made.append(svg('line', { x1: x.toFixed(1), y1: y.toFixed(1), x2: (x + reach * towards[h]).toFixed(1), y2: (y - reach * towards[v]).toFixed(1), stroke: bandColour(bandOf(s[3], tolerance)), 'stroke-width': 2 }));
+    const reach = Math.sign(s[3]) * Math.min(60, 12 * Math.abs(s[3]) / tolerance);
+    const band = bandOf(s[3], tolerance), isSmall = report.bands[band].upper === 0.5;
+    made.append(svg('line', { class: isSmall ? 'outline' : '', x1: x.toFixed(1), y1: y.toFixed(1), x2: (x + reach * towards[h]).toFixed(1), y2: (y - reach * towards[v]).toFixed(1), ...(isSmall ? {} : { stroke: bandColour(band) }), 'stroke-width': 1.5 }));
   }
   return { svg: made, factor };
 }

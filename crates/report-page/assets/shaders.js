@@ -1,4 +1,4 @@
-// What the graphics card runs. Everything is moved a little along the line to the eye, so that lines lie on surfaces and the scan before
+// What the graphics card runs. Things are moved a little along the line to the eye, so that lines lie on surfaces and the scan before
 // the surface, wherever one looks from.
 
 const VERTEX_START = `
@@ -10,7 +10,7 @@ out vec3 place;
 vec4 seen() {
   place = position;
   vec4 seen = modelViewMatrix * vec4(position, 1.0);
-  seen.xyz *= 1.0 - nearer;
+  seen.xyz *= max(0.1, 1.0 - nearer / length(seen.xyz));
   return seen;
 }`;
 

@@ -1,8 +1,18 @@
 // The picture in space: scans, surfaces, lines and a section, drawn with three.js.
 'use strict';
 
-/** How much nearer to the eye things are drawn, as a share of the distance. */
-const NEARER = { surface: -0.003, scan: 0, points: 0.002, lines: 0.004, net: 0.006 };
+/**
+ * How much nearer to the eye things are drawn, in the scene. The surface stands behind the scan wherever that is seen; lines stand before
+ * both as far as most of the scan is off.
+ */
+const between = (x, low, high) => Math.min(high, Math.max(low, x));
+const NEARER = {
+  surface: -between(1.2 * report.largest * 2 / diagonal, 0.004, 0.06),
+  scan: 0,
+  points: between(report.tolerance * 2 / diagonal, 0.002, 0.006),
+  lines: between(3 * report.tolerance * 2 / diagonal, 0.004, 0.012),
+  net: 0.014,
+};
 
 class Viewer {
   constructor(canvas, arrays) {
@@ -20,7 +30,7 @@ class Viewer {
     this.sectionLine = this.addLines('section', new Float32Array(0), null, [0, 0, 0], NEARER.net, 1);
     this.onDraw = () => {};
     this.isStale = true;
-    this.home();
+    this.isAtHome = true;
     this.controls.addEventListener('change', () => { this.isStale = true; });
     this.controls.addEventListener('start', () => { this.isAtHome = false; });
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
@@ -111,7 +121,7 @@ class Viewer {
     surface.setAttribute('normal', new THREE.BufferAttribute(part.normals, 3));
     surface.setIndex(new THREE.BufferAttribute(part.faces, 1));
     this.add('surface', new THREE.Mesh(surface, this.material(SURFACE_VERTEX, SURFACE_FRAGMENT, {}, NEARER.surface)));
-    this.addLines('cells', part.vertices, part.cellLines, [0.2, 0.2, 0.2], NEARER.lines, 0.55);
+    this.addLines('cells', part.vertices, part.cellLines, [0.2, 0.2, 0.2], NEARER.lines, part.cellLines.length > 20000 ? 0.3 : 0.55);
     this.addLines('cells', part.vertices, part.faceLines, [0.1, 0.1, 0.1], NEARER.lines, 0.9);
     this.addLines('net', part.control, part.controlLines, [0.5, 0.25, 1], NEARER.net, 0.8);
     if (part.leftOut.length) {
@@ -164,7 +174,8 @@ class Viewer {
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.controls.handleResize();
-    if (this.isAtHome) this.home(); else this.draw();
+    if (this.isAtHome) this.home();
+    this.isStale = true;
   }
 
   draw() {
@@ -174,7 +185,7 @@ class Viewer {
     this.camera.far = distance + 4;
     this.camera.updateProjectionMatrix();
     const pixels = this.renderer.domElement.height / (2 * Math.tan(this.camera.fov * Math.PI / 360));
-    this.shared.pointSize.value = 1.25 * this.spacing * pixels;
+    this.shared.pointSize.value = 2 * this.spacing * pixels;
     this.renderer.render(this.scene, this.camera);
     this.onDraw();
   }
@@ -220,7 +231,7 @@ class Viewer {
     this.camera.lookAt(target);
     this.controls.update();
     this.isAtHome = false;
-    this.draw();
+    this.isStale = true;
   }
 
   home() {
@@ -266,6 +277,12 @@ class Viewer {
     const at = new THREE.Vector3(...place).project(this.camera);
     if (at.z > 1 || this.isCut(place)) return null;
     return [(at.x + 1) / 2 * width, (1 - at.y) / 2 * height];
+  }
+
+  /** Whether a place is on the far side of a surface that faces so. */
+  facesAway(place, facing) {
+    const { x, y, z } = this.camera.position;
+    return (x - place[0]) * facing[0] + (y - place[1]) * facing[1] + (z - place[2]) * facing[2] < -0.05;
   }
 
   isCut([x, y, z]) {

@@ -126,8 +126,10 @@ pub struct Page {
     pub is_signed: bool,
     /// What signs mean, or why there are none, in a sentence.
     pub signs: String,
-    /// What the shares are of: points or area.
+    /// What the shares are of, as in "of the points".
     pub shares_of: String,
+    /// How these shares differ from those that the verdict goes by, in a sentence.
+    pub shares_note: String,
     /// Places to look at, the worst first.
     pub worst: Vec<Place>,
     /// The steps of the fit.
@@ -215,6 +217,7 @@ impl Page {
             "signed": self.is_signed,
             "signs": self.signs,
             "sharesOf": self.shares_of,
+            "sharesNote": self.shares_note,
             "bands": BANDS.map(|(upper, colour)| json!({ "upper": upper.is_finite().then_some(upper), "colour": colour })),
             "quantiles": quantiles(deviations, &weights, QUANTILES),
             "headline": self.headline,

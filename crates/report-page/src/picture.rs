@@ -31,6 +31,9 @@ const MOST_RADIUS: f64 = 6.0;
 /// closes has 0.
 const FACES_ONE_WAY: f64 = 0.35;
 
+/// Component along z from which on one looks along it.
+const ALONG: f64 = 0.7;
+
 /// From where things are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct View {
@@ -42,7 +45,7 @@ pub struct View {
 
 impl View {
     /// In front of where the surfaces face, a little from above and from the side; of closed ones from a corner of their box. `up` is the
-    /// axis that points upward, if one is known to; else the longest across.
+    /// axis that points upward, if one is known to.
     pub fn of(parts: &[Part], up: Option<[f64; 3]>) -> Self {
         let (mut sum, mut area) = ([0.0; 3], 0.0);
         for surface in parts.iter().map(|part| &part.surface) {
@@ -58,13 +61,10 @@ impl View {
         }
         let faces_one_way = area > 0.0 && norm(sum) > FACES_ONE_WAY * area;
         let front = if faces_one_way { unit(sum) } else { unit([0.6, -1.0, 0.5]) };
-        let (lower, upper) = bounds(parts.iter().flat_map(|part| part.surface.vertices.iter().copied()));
         let axis = |k: usize| [0, 1, 2].map(|j| if j == k { 1.0 } else { 0.0 });
-        let length_across = |k: usize| (upper[k] - lower[k]) * norm(sub(axis(k), front.map(|x| x * front[k])));
-        let longest = (0..3).max_by(|&a, &b| length_across(a).total_cmp(&length_across(b))).unwrap_or(2);
-        // Parts stand on the plane of x and y unless they are turned away from that.
-        let closed_up = if faces_one_way { axis(longest) } else { axis(2) };
-        let upward = up.filter(|up| dot(*up, front).abs() < 0.999).unwrap_or(if up.is_some() { axis(1) } else { closed_up });
+        // z is up in CAD; where one looks along it, y.
+        let usual = if front[2].abs() < ALONG { axis(2) } else { axis(1) };
+        let upward = up.map_or(usual, |up| if dot(up, front).abs() < 0.999 { up } else { axis(1) });
         let up_of = |eye: [f64; 3]| unit(sub(upward, eye.map(|x| x * dot(upward, eye))));
         if !faces_one_way {
             return Self { eye: front, up: up_of(front) };

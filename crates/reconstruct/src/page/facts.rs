@@ -1,5 +1,6 @@
 //! Figures, origins and options, in words.
 
+use geom_io::LengthUnit;
 use report_page::{Fact, Part};
 use serde::Serialize;
 use serde_json::Value;
@@ -8,12 +9,26 @@ use crate::{Report, SolidFit, SolidReport};
 
 /// A number with four digits.
 fn digits(x: f64) -> String {
-    if x == 0.0 || (1e-3..1e6).contains(&x.abs()) {
-        let whole = x.abs().max(1e-9).log10().floor() as i32 + 1;
-        let text = format!("{x:.*}", (4 - whole).clamp(0, 6) as usize);
+    if x == 0.0 {
+        "0".to_owned()
+    } else if (1e-4..1e6).contains(&x.abs()) {
+        let before_the_point = x.abs().log10().floor() as i32;
+        let text = format!("{x:.*}", (3 - before_the_point).max(0) as usize);
         if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
     } else {
         format!("{x:.3e}")
+    }
+}
+
+/// How a unit is written behind a number.
+pub(super) fn symbol(unit: LengthUnit) -> &'static str {
+    match unit {
+        LengthUnit::Micrometre => "µm",
+        LengthUnit::Millimetre => "mm",
+        LengthUnit::Centimetre => "cm",
+        LengthUnit::Metre => "m",
+        LengthUnit::Inch => "in",
+        LengthUnit::Foot => "ft",
     }
 }
 
@@ -24,7 +39,7 @@ fn percent(share: f64) -> String {
 
 /// The figures at the head of a page.
 pub(super) fn figures(report: &Report) -> Vec<Fact> {
-    let (result, unit) = (&report.result, report.options.units.unwrap_or_default().name());
+    let (result, unit) = (&report.result, symbol(report.options.units.unwrap_or_default()));
     let to_surface = &result.deviation.scan_to_surface;
     let what = if result.deviation.scan == "mesh" { "of the area within" } else { "of the points within" };
     vec![
@@ -44,16 +59,17 @@ pub(super) fn figures_of_pieces(reports: &[(&Report, &Part)], pieces: usize) -> 
     vec![
         Fact::new("pieces", pieces),
         Fact::new("within, of the worst piece", percent(least)),
-        Fact::new("largest distance", digits(largest)),
+        Fact::new("largest distance", format!("{} {}", digits(largest), reports.first().map_or("", |(report, _)| symbol(report.options.units.unwrap_or_default())))),
         Fact::new("control points", results().map(|result| result.dofs).sum::<usize>()),
     ]
 }
 
-pub(super) fn figures_of_solid(report: &SolidReport) -> Vec<Fact> {
+pub(super) fn figures_of_solid(report: &SolidReport, unit: LengthUnit) -> Vec<Fact> {
+    let unit = symbol(unit);
     vec![
         Fact::new("of the area within", percent(report.mesh_to_surface.within)),
-        Fact::new("tolerance", digits(report.tolerance)),
-        Fact::new("largest distance", digits(report.mesh_to_surface.max)),
+        Fact::new("tolerance", format!("{} {unit}", digits(report.tolerance))),
+        Fact::new("largest distance", format!("{} {unit}", digits(report.mesh_to_surface.max))),
         Fact::new("faces", report.layout.faces),
         Fact::new("control points", report.functions),
     ]

@@ -15,7 +15,7 @@ use crate::{Error, Fit, PieceFits, Report, SolidFit};
 /// Share of the tolerance that the triangles of a drawn surface are off at most, as far as their number allows.
 ///
 /// Limit: what the eye can see beside bands of half a tolerance.
-const CHORD: f64 = 0.1;
+const CHORD: f64 = 0.25;
 
 /// The page of a fit.
 ///
@@ -90,13 +90,13 @@ pub fn page_of_solid(fit: &SolidFit) -> Result<Page, Error> {
     let report = &fit.report;
     let part = shape::solid_part(fit, CHORD * report.tolerance)?;
     let is_reached = fit.reached();
-    let worst = places::largest(&[&part], true);
+    let worst = places::largest(&[&part], report.tolerance, true);
     Ok(Page {
         headline: Headline {
             title: name_of(&report.input.display().to_string()),
             verdict: if is_reached { "as asked" } else { "not as asked" }.to_owned(),
             tone: if is_reached { Tone::Good } else { Tone::Failed },
-            figures: facts::figures_of_solid(report),
+            figures: facts::figures_of_solid(report, fit.unit),
         },
         reasons: report
             .reasons
@@ -107,10 +107,10 @@ pub fn page_of_solid(fit: &SolidFit) -> Result<Page, Error> {
         options: facts::options(&report.options),
         tolerance: report.tolerance,
         within: report.options.within,
-        unit: fit.unit.name().to_owned(),
+        unit: facts::symbol(fit.unit).to_owned(),
         is_signed: true,
         signs: SIGNS.to_owned(),
-        shares_of: "area of the mesh".to_owned(),
+        shares_of: "of the samples, weighed by area,".to_owned(),
         worst,
         parts: vec![part],
         ..Page::default()
@@ -120,6 +120,10 @@ pub fn page_of_solid(fit: &SolidFit) -> Result<Page, Error> {
 const SIGNS: &str = "Positive (orange): the scan lies outside the surface, on the side that the face points to. Negative (blue): inside.";
 const SIGNS_UP: &str = "Positive (orange): the scan lies above the surface. Negative (blue): below.";
 const NO_SIGNS: &str = "Unsigned: neither triangles nor normals tell which side of this scan is outside.";
+
+const OF_VERTICES: &str = "Counted here are vertices, each for the area around it. The verdict goes by the whole area, where triangles count as exactly as \
+                           they tell the shape.";
+const OF_POINTS: &str = "Counted here are all points alike. The verdict weighs each by the square of its spacing.";
 
 /// What pages of one and of several surfaces have in common.
 fn common(report: &Report, has_side: bool, has_heights: bool, parts: Vec<Part>) -> Page {
@@ -132,10 +136,11 @@ fn common(report: &Report, has_side: bool, has_heights: bool, parts: Vec<Part>) 
     Page {
         tolerance: report.result.tolerance,
         within: report.options.within,
-        unit: report.options.units.unwrap_or_default().name().to_owned(),
+        unit: facts::symbol(report.options.units.unwrap_or_default()).to_owned(),
         is_signed: has_side,
         signs: signs.to_owned(),
-        shares_of: if is_mesh { "area, by its vertices" } else { "points" }.to_owned(),
+        shares_of: if is_mesh { "of the vertices, weighed by area," } else { "of the points" }.to_owned(),
+        shares_note: if is_mesh { OF_VERTICES } else { OF_POINTS }.to_owned(),
         parts,
         ..Page::default()
     }

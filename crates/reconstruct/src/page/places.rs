@@ -15,6 +15,9 @@ const LARGEST: usize = 12;
 /// Distance in diagonals within which one place stands for others.
 const APART: f64 = 0.03;
 
+/// Local maxima that are listed where none is beyond the tolerance.
+const LARGEST_WITHIN: usize = 3;
+
 /// The worst places of fits: where the surface passes through itself, then by distance.
 pub(super) fn worst_places(fits: &[(&Report, &Part)], signed: bool) -> Vec<Place> {
     let mut first = Vec::new();
@@ -46,7 +49,8 @@ pub(super) fn worst_places(fits: &[(&Report, &Part)], signed: bool) -> Vec<Place
     }
     let parts: Vec<&Part> = fits.iter().map(|(_, part)| *part).collect();
     let near = APART * parts.iter().map(|part| diagonal(&part.scan.points)).fold(0.0, f64::max);
-    found.extend(largest(&parts, signed));
+    let tolerance = fits.iter().map(|(report, _)| report.result.tolerance).fold(0.0, f64::max);
+    found.extend(largest(&parts, tolerance, signed));
     found.sort_by(|a, b| b.deviation.abs().total_cmp(&a.deviation.abs()));
     let mut listed: Vec<Place> = first;
     for place in found {
@@ -58,8 +62,8 @@ pub(super) fn worst_places(fits: &[(&Report, &Part)], signed: bool) -> Vec<Place
     listed
 }
 
-/// The points of the largest distances, apart from one another.
-pub(super) fn largest(parts: &[&Part], signed: bool) -> Vec<Place> {
+/// The points of the largest distances, apart from one another: those beyond the tolerance, or a few.
+pub(super) fn largest(parts: &[&Part], tolerance: f64, signed: bool) -> Vec<Place> {
     let near = APART * parts.iter().map(|part| diagonal(&part.scan.points)).fold(0.0, f64::max);
     let of_part = |part: &&Part| {
         let is_aside = |i: usize| part.scan.set_aside.get(i).is_some_and(|&aside| aside);
@@ -70,12 +74,13 @@ pub(super) fn largest(parts: &[&Part], signed: bool) -> Vec<Place> {
     all.sort_unstable_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
     let mut found: Vec<Place> = Vec::new();
     for (deviation, place) in all {
-        if found.len() == LARGEST || deviation == 0.0 {
+        let most = if deviation.abs() > tolerance { LARGEST } else { LARGEST_WITHIN };
+        if found.len() >= most || deviation == 0.0 {
             break;
         }
         if found.iter().all(|other| norm(sub(other.place, place)) > near) {
             let deviation = if signed { deviation } else { deviation.abs() };
-            found.push(Place { what: "largest distance around".to_owned(), deviation, place });
+            found.push(Place { what: "local maximum".to_owned(), deviation, place });
         }
     }
     found
