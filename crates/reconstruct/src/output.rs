@@ -95,6 +95,14 @@ fn is_output_file(path: &Path) -> bool {
 /// # Errors
 /// [`Error::Model`], [`Error::Write`], [`Error::Io`].
 pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
+    write_outputs_and_draw(fit, outputs).map(drop)
+}
+
+/// Pixels of the small picture of a part in the page of a batch.
+const THUMBNAIL: [usize; 2] = [180, 120];
+
+/// As [`write_outputs`]; returns a small picture, as PNG, if there is a page.
+pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result<Vec<u8>, Error> {
     for path in &outputs.files {
         make_parent(path)?;
         match ModelFormat::from_path(path) {
@@ -105,19 +113,30 @@ pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
             None => write_meshes(path, &[fit])?,
         }
     }
+    let mut picture = Vec::new();
     for path in &outputs.reports {
         if is_page(path) {
-            write_text(path, &page_of(fit)?.to_html())?;
+            let page = page_of(fit)?;
+            write_text(path, &page.to_html())?;
+            picture = page.thumbnail(THUMBNAIL);
         } else {
             write_report(path, &fit.report)?;
         }
     }
-    Ok(())
+    Ok(picture)
 }
 
 /// Whether a report is a page to look at, by its name.
 pub(crate) fn is_page(path: &Path) -> bool {
     path.extension().is_some_and(|extension| ["html", "htm"].iter().any(|known| extension.eq_ignore_ascii_case(known)))
+}
+
+/// Refuses a page of what has none.
+pub(crate) fn check_no_page(report: Option<&Path>) -> Result<(), Error> {
+    match report.filter(|path| is_page(path)) {
+        Some(path) => Err(Error::NoPage { path: path.to_owned() }),
+        None => Ok(()),
+    }
 }
 
 /// Writes the surfaces of pieces, each file complete or not at all, and makes the directories they lie in; returns the files. A STEP file

@@ -186,7 +186,7 @@ fn steps(report: &Report) -> Vec<Step> {
     report.history.iter().map(of_one).collect()
 }
 
-fn tone(verdict: Verdict) -> Tone {
+pub(crate) fn tone(verdict: Verdict) -> Tone {
     match verdict {
         Verdict::Good => Tone::Good,
         Verdict::Usable => Tone::Usable,
