@@ -4,8 +4,8 @@ use ndarray::ArrayView2;
 use point_cloud::vec3::dot;
 use rayon::prelude::*;
 
-use crate::measure::NEAR_ENOUGH;
 use crate::Measured;
+use crate::measure::NEAR_ENOUGH;
 
 /// How far a point is from a surface, and on which side.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -40,8 +40,8 @@ mod methods;
 mod options;
 mod orientation;
 mod output;
-mod parameters;
 mod page;
+mod parameters;
 mod paths;
 mod picture;
 mod pieces;
@@ -78,11 +78,11 @@ pub use options::{
 };
 pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};
+pub use page::{page_of, page_of_pieces, page_of_solid};
 pub use parameters::{
     HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
     parameterize, parameterize_file,
 };
-pub use page::{page_of, page_of_pieces, page_of_solid};
 pub use picture::draw_parameters;
 pub use pieces::{PieceFit, PieceFits, PieceReport, PiecesReport, fit_pieces, fit_pieces_file};
 pub use report::{

@@ -130,10 +130,13 @@ function fillPercentiles() {
   const all = report.quantiles;
   if (!all.length) return;
   const sizes = all.map(Math.abs).sort((a, b) => a - b);
-  const written = alike(sizes.at(-1), 3);
-  const at = (list, share) => written(list[Math.round(share * (list.length - 1))]);
+  // In thousandths, millionths or thousands of the unit where that takes fewer digits.
+  const power = sizes.at(-1) > 0 ? 3 * Math.floor(Math.log10(sizes.at(-1) * 10) / 3) : 0;
+  const written = alike(sizes.at(-1) / 10 ** power);
+  const at = (list, share) => written(list[Math.round(share * (list.length - 1))] / 10 ** power);
+  const unit = power ? `10${[...String(power)].map((c) => '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'['-0123456789'.indexOf(c)]).join('')} ${unitSymbol}` : unitSymbol;
   const shares = [0.01, 0.05, 0.5, 0.95, 0.99];
-  const rows = [['', ...shares.map((s) => `${Math.round(100 * s)} %`), 'most'].map((cell) => made('th', cell))];
+  const rows = [[unit, ...shares.map((s) => `${Math.round(100 * s)} %`), 'most'].map((cell) => made('th', cell))];
   if (report.signed) rows.push(['signed', ...shares.map((s) => at(all, s)), at(all, 1)]);
   rows.push([report.signed ? 'size' : 'distance', ...shares.map((s) => at(sizes, s)), at(sizes, 1)]);
   tableOf(byId('percentiles'), rows);

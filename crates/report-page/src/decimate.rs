@@ -90,8 +90,12 @@ mod tests {
         assert_eq!(shown.iter().filter(|&&i| i % 37 == 0).count(), beyond);
         // A tenth of the others, and about as many in each quarter.
         let of_quarter = |x: f64, y: f64| {
-            let inside = |&&i: &&u32| points[i as usize][0] < x + 50.0 && points[i as usize][0] >= x
-                && points[i as usize][1] < y + 50.0 && points[i as usize][1] >= y;
+            let inside = |&&i: &&u32| {
+                points[i as usize][0] < x + 50.0
+                    && points[i as usize][0] >= x
+                    && points[i as usize][1] < y + 50.0
+                    && points[i as usize][1] >= y
+            };
             shown.iter().filter(inside).count()
         };
         for (x, y) in [(0.0, 0.0), (50.0, 0.0), (0.0, 50.0), (50.0, 50.0)] {

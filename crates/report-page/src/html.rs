@@ -198,7 +198,8 @@ impl Page {
             add_surface(&mut sections, &frame, &part.surface, detail, &name);
             parts.push(json!({ "name": part.name, "points": part.scan.points.len(), "leftOut": left_out }));
         }
-        let is_shown = |name: &str| name.ends_with(".points") || name.ends_with(".vertices") || name.ends_with(".control");
+        let is_shown =
+            |name: &str| name.ends_with(".points") || name.ends_with(".vertices") || name.ends_with(".control");
         let shown = sections.table.iter().filter(|s| is_shown(&s.name)).map(|s| s.count).sum();
         let table: &[Section] = &sections.table;
         let signed = |i: f64| if self.is_signed { i } else { i.abs() };
@@ -356,7 +357,13 @@ fn renumbered(triangles: &[[u32; 3]], order: &[u32]) -> Vec<[u32; 3]> {
         .filter(known)
         .map(|t| {
             let [a, b, c] = t.map(|v| place[v as usize]);
-            if a <= b && a <= c { [a, b, c] } else if b <= c { [b, c, a] } else { [c, a, b] }
+            if a <= b && a <= c {
+                [a, b, c]
+            } else if b <= c {
+                [b, c, a]
+            } else {
+                [c, a, b]
+            }
         })
         .collect();
     found.sort_unstable();

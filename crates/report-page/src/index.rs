@@ -56,7 +56,13 @@ pub fn index(title: &str, rows: &[IndexRow]) -> String {
     );
     filled(
         SHELL,
-        &[("title", &escaped(title)), ("totals", &escaped(&totals)), ("style", STYLE), ("data", &data), ("script", SCRIPT)],
+        &[
+            ("title", &escaped(title)),
+            ("totals", &escaped(&totals)),
+            ("style", STYLE),
+            ("data", &data),
+            ("script", SCRIPT),
+        ],
     )
 }
 

@@ -113,13 +113,7 @@ pub fn draw(parts: &[Part], tolerance: f64, view: View, size: [usize; 2]) -> Pic
     picture
 }
 
-fn draw_scan(
-    picture: &mut Picture,
-    scan: &Scan,
-    tolerance: f64,
-    eye: [f64; 3],
-    place: &dyn Fn([f64; 3]) -> [f64; 3],
-) {
+fn draw_scan(picture: &mut Picture, scan: &Scan, tolerance: f64, eye: [f64; 3], place: &dyn Fn([f64; 3]) -> [f64; 3]) {
     let at: Vec<[f64; 3]> = scan.points.iter().map(|&p| place(p)).collect();
     let deviation = |i: u32| scan.deviations.get(i as usize).copied().unwrap_or(0.0) / tolerance;
     if !scan.triangles.is_empty() {
@@ -214,7 +208,11 @@ impl Picture {
                 let (mut sum, mut solid) = ([0u32; 3], 0u32);
                 for [r, g, b, a] in of {
                     let weight = u32::from(a) / 255;
-                    sum = [sum[0] + weight * u32::from(r), sum[1] + weight * u32::from(g), sum[2] + weight * u32::from(b)];
+                    sum = [
+                        sum[0] + weight * u32::from(r),
+                        sum[1] + weight * u32::from(g),
+                        sum[2] + weight * u32::from(b),
+                    ];
                     solid += weight;
                 }
                 pixels.extend(sum.map(|c| (c / solid.max(1)) as u8));
@@ -261,7 +259,11 @@ mod tests {
     fn square() -> Part {
         let points = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
         let surface = Surface { vertices: points.clone(), triangles: vec![[0, 1, 2], [0, 2, 3]], ..Surface::default() };
-        Part { scan: Scan { points, deviations: vec![-9.0, 9.0, 9.0, -9.0], ..Scan::default() }, surface, ..Part::default() }
+        Part {
+            scan: Scan { points, deviations: vec![-9.0, 9.0, 9.0, -9.0], ..Scan::default() },
+            surface,
+            ..Part::default()
+        }
     }
 
     #[test]

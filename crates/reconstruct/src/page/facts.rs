@@ -59,7 +59,14 @@ pub(super) fn figures_of_pieces(reports: &[(&Report, &Part)], pieces: usize) -> 
     vec![
         Fact::new("pieces", pieces),
         Fact::new("within, of the worst piece", percent(least)),
-        Fact::new("largest distance", format!("{} {}", digits(largest), reports.first().map_or("", |(report, _)| symbol(report.options.units.unwrap_or_default())))),
+        Fact::new(
+            "largest distance",
+            format!(
+                "{} {}",
+                digits(largest),
+                reports.first().map_or("", |(report, _)| symbol(report.options.units.unwrap_or_default()))
+            ),
+        ),
         Fact::new("control points", results().map(|result| result.dofs).sum::<usize>()),
     ]
 }
@@ -107,11 +114,8 @@ pub(super) fn tried(report: &Report) -> Vec<Vec<String>> {
 pub(super) fn of_report(report: &Report) -> Vec<Fact> {
     let (input, result) = (&report.input, &report.result);
     let method = serde_json::to_value(result.method).unwrap_or_default();
-    let mut facts = vec![
-        Fact::new("program", report.program),
-        Fact::new("input", &input.file),
-        Fact::new("format", input.format),
-    ];
+    let mut facts =
+        vec![Fact::new("program", report.program), Fact::new("input", &input.file), Fact::new("format", input.format)];
     facts.extend(input.sha256.iter().map(|hash| Fact::new("SHA-256", hash)));
     facts.push(Fact::new("points", input.points));
     facts.extend(input.triangles.map(|count| Fact::new("triangles", count)));
@@ -133,10 +137,7 @@ pub(super) fn of_report(report: &Report) -> Vec<Fact> {
 
 pub(super) fn of_solid(fit: &SolidFit) -> Vec<Fact> {
     let report = &fit.report;
-    let mut facts = vec![
-        Fact::new("program", crate::report::PROGRAM),
-        Fact::new("input", report.input.display()),
-    ];
+    let mut facts = vec![Fact::new("program", crate::report::PROGRAM), Fact::new("input", report.input.display())];
     facts.extend(crate::scanned::fingerprint(&report.input).map(|hash| Fact::new("SHA-256", hash)));
     facts.extend([
         Fact::new("triangles", report.triangles),

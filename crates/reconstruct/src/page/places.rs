@@ -39,7 +39,11 @@ pub(super) fn worst_places(fits: &[(&Report, &Part)], signed: bool) -> Vec<Place
             found.push(near("largest distance of the scan".to_owned(), to_surface.max, to_surface.place));
         }
         found.extend(deviation.gathered.patches.iter().map(|patch| {
-            near(format!("patch beyond the tolerance, {:.2} % of the scan", 100.0 * patch.share), patch.distance, patch.place)
+            near(
+                format!("patch beyond the tolerance, {:.2} % of the scan", 100.0 * patch.share),
+                patch.distance,
+                patch.place,
+            )
         }));
         if deviation.surface_to_scan.max > to_surface.max {
             let side = &deviation.surface_to_scan;

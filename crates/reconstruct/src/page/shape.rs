@@ -101,9 +101,11 @@ fn normals(map: &SplineMap<2>, tessellation: &Tessellation, reversed: bool) -> V
 
 /// Sides of triangles between two cells, and those with one triangle only.
 fn lines(tessellation: &Tessellation) -> (Vec<[u32; 2]>, Vec<[u32; 2]>) {
-    let sides = tessellation.triangles.iter().zip(&tessellation.cells).flat_map(|(&[a, b, c], &cell)| {
-        [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], cell))
-    });
+    let sides = tessellation
+        .triangles
+        .iter()
+        .zip(&tessellation.cells)
+        .flat_map(|(&[a, b, c], &cell)| [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], cell)));
     let mut sides: Vec<([u32; 2], u32)> = sides.collect();
     sides.sort_unstable();
     let (mut between_cells, mut rim) = (Vec::new(), Vec::new());
@@ -139,10 +141,7 @@ fn net(space: &HierarchicalSpace<2>) -> Vec<[u32; 2]> {
         for (at, &function) in active.iter().enumerate() {
             let (i, j) = (function % n_u, function / n_u);
             let next = |x: u64, n: u64, d: usize| if x + 1 < n { Some(x + 1) } else { periodic[d].then_some(0) };
-            let ends = [
-                next(i, n_u, 0).and_then(|i| number(i, j)),
-                next(j, n_v, 1).and_then(|j| number(i, j)),
-            ];
+            let ends = [next(i, n_u, 0).and_then(|i| number(i, j)), next(j, n_v, 1).and_then(|j| number(i, j))];
             lines.extend(ends.into_iter().flatten().map(|end| [(first + at) as u32, end]));
         }
     }

@@ -74,7 +74,10 @@ fn pages_keep_their_size() {
     page.parts[0].surface = Surface::default();
     let html = page.to_html();
     let data: serde_json::Value = serde_json::from_str(element(&html, "data")).unwrap();
-    let count = |name: &str| data["sections"].as_array().unwrap().iter().find(|s| s["name"] == name).unwrap()["count"].as_u64().unwrap() as usize;
+    let count = |name: &str| {
+        data["sections"].as_array().unwrap().iter().find(|s| s["name"] == name).unwrap()["count"].as_u64().unwrap()
+            as usize
+    };
     assert_eq!(count("0.points"), MOST_POINTS);
     let most = MOST_BYTES + MOST_BYTES_A_POINT * (count("0.points") + count("0.vertices"));
     assert!(html.len() <= most, "{} of {most}", html.len());
