@@ -210,16 +210,17 @@ function addPartChoice(viewer) {
   const label = made('label', 'Part'), choice = made('select');
   choice.id = 'part';
   choice.append(...['all', ...viewer.parts.map((part) => part.name)].map((name) => made('option', name)));
-  choice.onchange = () => viewer.isolate(choice.selectedIndex - 1);
+  choice.onchange = () => { viewer.isolate(choice.selectedIndex - 1); later('section', showSectionPlots); };
   label.append(choice);
   byId('layers').append(label);
 }
 
 function showLabels() {
   const { viewer } = state;
-  state.labels.forEach(({ element, place, facing }) => {
+  state.labels.forEach(({ element, place, facing, part }) => {
     if (place && facing) element.classList.toggle('behind', viewer.facesAway(place, facing));
-    const at = place && viewer.onScreen(place);
+    const isShown = part === undefined || !(viewer.isolated >= 0) || part === viewer.isolated;
+    const at = place && isShown && viewer.onScreen(place);
     element.hidden = !at;
     if (at) element.style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
   });
@@ -228,7 +229,8 @@ function showLabels() {
 function makeLabels() {
   state.labels = report.worst.map(({ place }, i) => {
     const at = toScene(place);
-    return { element: made('span', i + 1, 'label'), place: at, facing: state.viewer.normalNear(at) };
+    const { normal, part } = state.viewer.nearest(at);
+    return { element: made('span', i + 1, 'label'), place: at, facing: normal, part };
   });
   state.labels.push({ element: made('span', '', 'label picked'), place: null });
   byId('labels').replaceChildren(...state.labels.map(({ element }) => element));

@@ -165,7 +165,7 @@ class Viewer {
     this.layers.forEach((objects) => objects.forEach((object) => {
       if (object.userData.part !== undefined) object.layers[number < 0 || object.userData.part === number ? 'enable' : 'disable'](0);
     }));
-    this.isStale = true;
+    this.home();
   }
 
   shownParts() { return this.parts.filter((_, i) => !(this.isolated >= 0) || i === this.isolated); }
@@ -218,7 +218,7 @@ class Viewer {
     const tangent = Math.tan(this.camera.fov * Math.PI / 360);
     // The distance from which every point lies within the picture, and the middle of what is seen.
     const box = { r: [Infinity, -Infinity], u: [Infinity, -Infinity] };
-    const each = (visit) => this.parts.forEach((part) => [part.vertices, part.points].forEach((all) => {
+    const each = (visit) => this.shownParts().forEach((part) => [part.vertices, part.points].forEach((all) => {
       const step = 3 * Math.max(1, Math.floor(all.length / 3 / 20000));
       for (let i = 0; i + 2 < all.length; i += step) visit(all[i], all[i + 1], all[i + 2]);
     }));
@@ -272,14 +272,19 @@ class Viewer {
   }
 
   normalNear([x, y, z]) {
-    let best = [Infinity, [0, 0, 0]];
-    for (const { vertices: v, normals: n } of this.parts) {
+    return this.nearest([x, y, z]).normal;
+  }
+
+  /** The normal of the surface nearest to a place, and the number of its part. */
+  nearest([x, y, z]) {
+    let best = [Infinity, [0, 0, 0], 0];
+    for (const [number, { vertices: v, normals: n }] of this.parts.entries()) {
       for (let i = 0; i < v.length; i += 3) {
         const squared = (v[i] - x) ** 2 + (v[i + 1] - y) ** 2 + (v[i + 2] - z) ** 2;
-        if (squared < best[0]) best = [squared, [n[i], n[i + 1], n[i + 2]]];
+        if (squared < best[0]) best = [squared, [n[i], n[i + 1], n[i + 2]], number];
       }
     }
-    return best[1];
+    return { normal: best[1], part: best[2] };
   }
 
   /** Where a place is in the picture, in pixels of the page; null behind the eye. */

@@ -34,6 +34,9 @@ const FACES_ONE_WAY: f64 = 0.35;
 /// Component along z from which on one looks along it.
 const ALONG: f64 = 0.7;
 
+/// Height in widths from which on a part is laid down.
+const TALL: f64 = 2.2;
+
 /// From where things are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct View {
@@ -67,13 +70,22 @@ impl View {
         let upward = up.map_or(usual, |up| if dot(up, front).abs() < 0.999 { up } else { axis(1) });
         let up_of = |eye: [f64; 3]| unit(sub(upward, eye.map(|x| x * dot(upward, eye))));
         if !faces_one_way {
-            return Self { eye: front, up: up_of(front) };
+            return Self { eye: front, up: up_of(front) }.lying(parts, up.is_some());
         }
         let (above, side) = (up_of(front), cross(up_of(front), front));
         // Heights are looked at from lower down: from straight above they show nothing.
         let (tilt, turn) = if up.is_some() { (-0.9, 0.35) } else { (0.25, 0.35) };
         let eye = unit([0, 1, 2].map(|k| front[k] + tilt * above[k] + turn * side[k]));
-        Self { eye, up: up_of(eye) }
+        Self { eye, up: up_of(eye) }.lying(parts, up.is_some())
+    }
+
+    /// The same from where long parts lie, as pictures are wide; what is up stays up.
+    fn lying(self, parts: &[Part], is_up_known: bool) -> Self {
+        let right = cross(self.up, self.eye);
+        let vertices = parts.iter().flat_map(|part| part.surface.vertices.iter());
+        let (lower, upper) = bounds(vertices.map(|&p| [dot(p, right), dot(p, self.up), 0.0]));
+        let is_tall = upper[1] - lower[1] > TALL * (upper[0] - lower[0]);
+        if is_tall && !is_up_known { Self { up: right.map(|x| -x), ..self } } else { self }
     }
 }
 
@@ -283,6 +295,16 @@ mod tests {
     fn an_open_surface_is_looked_at_from_its_front() {
         let view = View::of(&[square()], None);
         assert!(view.eye[2] > 0.8 && dot(view.eye, view.up).abs() < 1e-12 && (norm(view.eye) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn long_parts_lie() {
+        for axis in 0..2 {
+            let mut part = square();
+            part.surface.vertices.iter_mut().for_each(|p| p[axis] *= 9.0);
+            let view = View::of(&[part], None);
+            assert!(view.up[axis].abs() < 0.5 && dot(view.eye, view.up).abs() < 1e-12, "{view:?}");
+        }
     }
 
     #[test]
