@@ -117,12 +117,13 @@ pub fn page_of_solid(fit: &SolidFit) -> Result<Page, Error> {
     })
 }
 
-const SIGNS: &str = "Positive (orange): the scan lies outside the surface, on the side that the face points to. Negative (blue): inside.";
+const SIGNS: &str = "Positive (orange): the scan lies outside the surface, on the side that the face points to. \
+                     Negative (blue): inside.";
 const SIGNS_UP: &str = "Positive (orange): the scan lies above the surface. Negative (blue): below.";
 const NO_SIGNS: &str = "Unsigned: neither triangles nor normals tell which side of this scan is outside.";
 
-const OF_VERTICES: &str = "Counted here are vertices, each for the area around it. The verdict goes by the whole area, where triangles count as exactly as \
-                           they tell the shape.";
+const OF_VERTICES: &str = "Counted here are vertices, each for the area around it. The verdict goes by the whole area, \
+                           where triangles count as exactly as they tell the shape.";
 const OF_POINTS: &str = "Counted here are all points alike. The verdict weighs each by the square of its spacing.";
 
 /// What pages of one and of several surfaces have in common.
