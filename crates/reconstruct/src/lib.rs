@@ -50,6 +50,7 @@ mod problem;
 mod report;
 mod scanned;
 mod solid;
+mod solid_output;
 mod tolerance;
 mod trim;
 mod units;
@@ -92,8 +93,9 @@ pub use report::{
 pub use scanned::Scanned;
 pub use solid::{
     Sharp, Smoothness, SolidDistances, SolidFit, SolidLayoutReport, SolidOptions, SolidReason, SolidReport,
-    SolidVolume, check_solid_outputs, fit_solid_file, write_solid_outputs,
+    SolidVolume, fit_solid_file,
 };
+pub use solid_output::{check_solid_outputs, write_solid_outputs};
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 

@@ -9,13 +9,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use geom_io::{StepOptions, read_layout, read_scan, write_solid};
+use geom_io::{read_layout, read_scan};
 use multi_patch::{Fitted, Surface};
 use quad_layout::{QuadLayout, RawPatch};
 use thb_core::MultiPatchSpace;
 
-use crate::output::{is_page, make_parent};
-use crate::{Error, Event, Watch, page_of_solid, units, write_report, write_text};
+use crate::{Error, Event, Watch, units};
 use mesh::SolidMesh;
 pub use options::{Sharp, Smoothness, SolidOptions};
 pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, SolidVolume};
@@ -120,44 +119,4 @@ fn layout_of(path: &Path, mesh: &SolidMesh) -> Result<QuadLayout, Error> {
         return Ok(layout.moved(place));
     }
     Err(Error::ForeignLayout { path: path.to_owned(), layout: found, mesh: mesh.bounds })
-}
-
-/// Writes a surface of many faces into a STEP file, and its report into a file of its own, each complete or not at all.
-///
-/// # Errors
-/// [`Error::Model`], [`Error::Write`], [`Error::Io`].
-pub fn write_solid_outputs(
-    fit: &SolidFit,
-    outputs: &[std::path::PathBuf],
-    reports: &[std::path::PathBuf],
-) -> Result<(), Error> {
-    for path in outputs {
-        make_parent(path)?;
-        write_solid(path, &fit.surface, fit.unit, &StepOptions { flip: fit.reversed, ..StepOptions::default() })?;
-    }
-    for path in reports {
-        if is_page(path) {
-            write_text(path, &page_of_solid(fit)?.to_html())?;
-        } else {
-            write_report(path, &fit.report)?;
-        }
-    }
-    Ok(())
-}
-
-/// Refuses outputs of a surface of many faces that are no STEP files, before work is done for them.
-///
-/// # Errors
-/// [`Error::SolidFormat`], [`Error::Write`].
-pub fn check_solid_outputs(outputs: &[std::path::PathBuf], reports: &[std::path::PathBuf]) -> Result<(), Error> {
-    for path in outputs {
-        if geom_io::ModelFormat::from_path(path) != Some(geom_io::ModelFormat::Step) {
-            return Err(Error::SolidFormat { path: path.clone() });
-        }
-    }
-    for path in outputs.iter().chain(reports) {
-        make_parent(path)?;
-        geom_io::check_writable(path)?;
-    }
-    Ok(())
 }
