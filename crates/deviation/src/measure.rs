@@ -63,7 +63,7 @@ const EDGE_OF_AREA: f64 = 1.519_671_371_303_185;
 /// Distance in tolerances up to which the point of the surface near a parameter is taken for the nearest one without looking further.
 ///
 /// Derived: larger distances are then those to the nearest point, and so is the largest one, if it is at least that.
-const NEAR_ENOUGH: f64 = 0.5;
+pub(crate) const NEAR_ENOUGH: f64 = 0.5;
 
 /// Change of a distance along a surface, per length, that is always allowed for in search of the largest: a place from which the distance
 /// does not change at first may lie beside a higher one.
@@ -197,7 +197,7 @@ pub struct ScanSide {
 pub struct Measured<'a> {
     map: &'a SplineMap<2>,
     tessellation: &'a Tessellation,
-    search: SurfaceSearch<'a>,
+    pub(crate) search: SurfaceSearch<'a>,
 }
 
 /// The triangles that a surface is measured on at a tolerance.

@@ -158,7 +158,7 @@ fn fitted(file: &str, path: &Path, percent: f64, step: &Path, python: &Path, met
         result: Value::Null,
         measured: Value::Null,
     };
-    let outputs = OutputPaths { files: vec![step.to_owned()], report: None };
+    let outputs = OutputPaths { files: vec![step.to_owned()], reports: Vec::new() };
     let written = fit.and_then(|fit| {
         write_outputs(&fit, &outputs)?;
         Ok(fit)
