@@ -340,10 +340,11 @@ def judge_cloud(points, surface, tolerance, count, seed):
     weights = np.minimum(spacing, MOST_SPACING * np.median(spacing)) ** 2
     if not weights.any():
         weights = np.ones(len(points))
-    surface_normals = unit(facets.doubled_normals(surface.points, surface.triangles))
     distance, triangle, near = facets.searcher(surface.points, surface.triangles)(points)
+    at_near = facets.barycentric(surface.points, surface.triangles, triangle, near)
+    normals = unit(facets.at(surface.normals, surface.triangles, triangle, at_near))
     slack = 2 * surface.chord + ON_OUTLINE * diagonal
-    along, across = beyond_rim(points, distance, near, surface_normals[triangle], surface.rim, slack)
+    along, across = beyond_rim(points, distance, near, normals, surface.rim, slack)
     beyond = along > tolerance + spacing
     result = dict(
         scan_to_surface=statistics(across, points, tolerance, weights),
