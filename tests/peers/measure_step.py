@@ -20,7 +20,7 @@ JSON object. Lengths are in the unit of the files, shares from 0 to 1.
 - coverage: the scan beyond the surface's rim by more than tolerance + spacing; the surface beyond the scan's outline or
   over its holes; the surface's largest distance from the scan, wherever.
 - box: the diagonal of the surface's bounding box by that of the scan's.
-- crossings: pairs of triangles that pass through each other; the length along which they do so; how far corners reach
+- crossings: pairs of triangles that pass through each other, unless they do so along less than half a tolerance; the length along which they do so; how far corners reach
   through the other plane, which is less the smaller the triangles are; a place.
 - folds (meshes): share of the surface whose normal is more than 90 degrees from the scan's.
 """
@@ -44,6 +44,8 @@ from meter.surface import read_surface
 CHORD_TOLERANCES = 0.02
 # A chord error below this share of the surface's box is round-off.
 ROUND_OFF_CHORD = 1e-6
+# Crossings that are shorter all together, in tolerances, count as none: a point where a fold begins.
+SHORT_CROSSING = 0.5
 # Places on each side, and triangles of the surface at most.
 SAMPLES, MOST_TRIANGLES = 150_000, 1_500_000
 
@@ -65,8 +67,9 @@ def measure(step, points, triangles, tolerance=None, samples=SAMPLES, most_trian
     pairs, places, lengths, depths = self_crossings(
         surface.points, surface.triangles, surface.blocks, surface.rim, max(surface.chord, ROUND_OFF_CHORD * size)
     )
+    is_short = lengths.sum() <= SHORT_CROSSING * tolerance
     crossings = dict(
-        pairs=len(pairs), triangles=len(np.unique(pairs)), length=float(lengths.sum()), depth=0.0, place=None
+        pairs=0 if is_short else len(pairs), triangles=len(np.unique(pairs)), length=float(lengths.sum()), depth=0.0, place=None
     )
     if len(pairs):
         crossings.update(depth=float(depths.max()), place=[float(x) for x in places[lengths.argmax()]])

@@ -539,81 +539,7 @@ fn main() -> Result<()> {
             let paths = tables::moving::write_figures(&figures, &out)?;
             paths.iter().for_each(|path| println!("{}", path.display()));
         }
-        Arguments::Tables(Tables::Truth { data: None, .. }) => println!("the table needs --data DIR and was not made"),
-        Arguments::Tables(Tables::Truth { data: Some(data), python, only, resume, cache, out }) => {
-            let cache = cache.unwrap_or_else(|| root.join("target/truth.jsonl"));
-            let truth =
-                tables::truth::Truth { data: &data, python: &python, only: only.as_deref(), cache: &cache, resume };
-            let text = tables::truth::document(&truth, &mut |line| println!("{line}"))?;
-            let path = out.unwrap_or_else(|| root.join("docs/results/truth.md"));
-            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-            println!("{}", path.display());
-        }
-        Arguments::Tables(Tables::Solids { data: None, .. }) => println!("skipped: solids need --data DIR"),
-        Arguments::Tables(tables) => {
-            let (page, out, missing, text) = match tables {
-                Tables::Parcnn { data, train, out } => {
-                    let missing = data.is_none().then_some("Table 4.5 needs --data DIR and was left out");
-                    ("parcnn", out, missing, tables::parcnn::document(data.as_deref(), train)?)
-                }
-                Tables::Bidgcn { data, clouds, train, out } => {
-                    let missing =
-                        data.is_none().then_some("the table of real clouds needs --data DIR and was left out");
-                    let tables = tables::bidgcn::BidgcnTables { data: data.as_deref(), clouds, train };
-                    ("bidgcn", out, missing, tables::bidgcn::document(&tables, &mut |line| println!("{line}"))?)
-                }
-                Tables::Pargcn { data, out } => {
-                    let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
-                    let text = tables::pargcn::document(data.as_deref(), &mut |line| println!("{line}"))?;
-                    ("pargcn", out, missing, text)
-                }
-                Tables::Qi { data, out } => {
-                    let missing =
-                        data.is_none().then_some("tables of measured clouds need --data DIR and were left out");
-                    ("qi", out, missing, tables::qi::document(data.as_deref())?)
-                }
-                Tables::Moving { data, gismo, out } => {
-                    let missing = data.is_none().then_some("tables of public clouds need --data DIR and were left out");
-                    let page = tables::moving::page(data.as_deref(), gismo.as_deref(), &mut |line| println!("{line}"))?;
-                    let beside = out.as_ref().map(|out| out.with_file_name("figures"));
-                    let folder = beside.unwrap_or_else(|| root.join(FIGURES));
-                    tables::moving::write_figures(&page.figures, &folder)?;
-                    ("moving", out, missing, page.text)
-                }
-                Tables::Curves { data, out } => {
-                    let missing =
-                        data.is_none().then_some("the table of measured curves needs --data DIR and was left out");
-                    ("curves", out, missing, tables::curves::document(data.as_deref())?)
-                }
-                Tables::BoxSplines { out } => ("box-splines", out, None, tables::box_splines::document()?),
-                Tables::Rwls { data, out } => {
-                    let missing = data.is_none().then_some("measured clouds need --data DIR and were left out");
-                    ("rwls", out, missing, tables::rwls::document(data.as_deref())?)
-                }
-                Tables::Solids { data, python, elements, smoothness, steps, out } => {
-                    let data = data.context("--data DIR is needed")?;
-                    let steps = steps.unwrap_or_else(|| root.join("target/solids"));
-                    let solids = tables::solids::Solids {
-                        data: &data,
-                        python: &python,
-                        root: &root,
-                        elements,
-                        smoothness,
-                        out: &steps,
-                    };
-                    ("solids", out, None, tables::solids::document(&solids, &mut |line| println!("{line}"))?)
-                }
-                Tables::Truth { .. } => unreachable!("handled above"),
-                Tables::Classical { data, out } => {
-                    let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
-                    ("classical", out, missing, tables::classical::document(data.as_deref())?)
-                }
-            };
-            let path = out.unwrap_or_else(|| root.join(format!("docs/results/{page}.md")));
-            std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-            missing.into_iter().for_each(|missing| println!("{missing}"));
-            println!("{}", path.display());
-        }
+        Arguments::Tables(tables) => write_table(tables, &root, &mut |line| println!("{line}"))?,
         Arguments::Generate(Generate::Gridded { kind, degree, points, across, noise, seed, count, format, out }) => {
             let across = if kind == gridded::Kind::Surface { across.unwrap_or(points) } else { across.unwrap_or(1) };
             let spec = GriddedSpec { shape: kind.shape(degree), size: [points, across], noise };
@@ -659,5 +585,75 @@ fn main() -> Result<()> {
             Sample { kind, layout, points, noise, seed }.write(&out)?;
         }
     }
+    Ok(())
+}
+
+/// Makes the page of one of the tables and writes it.
+fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result<()> {
+    let (page, out, missing, text) = match tables {
+        Tables::Parcnn { data, train, out } => {
+            let missing = data.is_none().then_some("Table 4.5 needs --data DIR and was left out");
+            ("parcnn", out, missing, tables::parcnn::document(data.as_deref(), train)?)
+        }
+        Tables::Bidgcn { data, clouds, train, out } => {
+            let missing = data.is_none().then_some("the table of real clouds needs --data DIR and was left out");
+            let tables = tables::bidgcn::BidgcnTables { data: data.as_deref(), clouds, train };
+            ("bidgcn", out, missing, tables::bidgcn::document(&tables, say)?)
+        }
+        Tables::Pargcn { data, out } => {
+            let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
+            let text = tables::pargcn::document(data.as_deref(), say)?;
+            ("pargcn", out, missing, text)
+        }
+        Tables::Qi { data, out } => {
+            let missing = data.is_none().then_some("tables of measured clouds need --data DIR and were left out");
+            ("qi", out, missing, tables::qi::document(data.as_deref())?)
+        }
+        Tables::Moving { data, gismo, out } => {
+            let missing = data.is_none().then_some("tables of public clouds need --data DIR and were left out");
+            let page = tables::moving::page(data.as_deref(), gismo.as_deref(), say)?;
+            let beside = out.as_ref().map(|out| out.with_file_name("figures"));
+            let folder = beside.unwrap_or_else(|| root.join(FIGURES));
+            tables::moving::write_figures(&page.figures, &folder)?;
+            ("moving", out, missing, page.text)
+        }
+        Tables::Curves { data, out } => {
+            let missing = data.is_none().then_some("the table of measured curves needs --data DIR and was left out");
+            ("curves", out, missing, tables::curves::document(data.as_deref())?)
+        }
+        Tables::BoxSplines { out } => ("box-splines", out, None, tables::box_splines::document()?),
+        Tables::Rwls { data, out } => {
+            let missing = data.is_none().then_some("measured clouds need --data DIR and were left out");
+            ("rwls", out, missing, tables::rwls::document(data.as_deref())?)
+        }
+        Tables::Solids { data, python, elements, smoothness, steps, out } => {
+            let Some(data) = data else {
+                say("skipped: solids need --data DIR");
+                return Ok(());
+            };
+            let folder = steps.unwrap_or_else(|| root.join("target/solids"));
+            let solids =
+                tables::solids::Solids { data: &data, python: &python, root, elements, smoothness, out: &folder };
+            ("solids", out, None, tables::solids::document(&solids, say)?)
+        }
+        Tables::Truth { data, python, only, resume, cache, out } => {
+            let Some(data) = data else {
+                say("the table needs --data DIR and was not made");
+                return Ok(());
+            };
+            let cache = cache.unwrap_or_else(|| root.join("target/truth.jsonl"));
+            let truth =
+                tables::truth::Truth { data: &data, python: &python, only: only.as_deref(), cache: &cache, resume };
+            ("truth", out, None, tables::truth::document(&truth, say)?)
+        }
+        Tables::Classical { data, out } => {
+            let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
+            ("classical", out, missing, tables::classical::document(data.as_deref())?)
+        }
+    };
+    let path = out.unwrap_or_else(|| root.join(format!("docs/results/{page}.md")));
+    std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    missing.into_iter().for_each(&mut *say);
+    say(&path.display().to_string());
     Ok(())
 }

@@ -88,10 +88,12 @@ pub(crate) enum Command {
 const FIT_HELP: &str = "Examples:
   thb fit face.off --tol 0.5% -o face.step --report face.json
       the surface as STEP, and how good it is
+  thb fit face.off -o face.step --report face.html
+      and a page that shows where the surface is how far from the scan
   thb fit face.off -o face.step -o face.json -o face.vtk
       also the exact model, and a mesh coloured by deviation
   thb fit scans/*.ply -o out/ --jobs 2 --summary out/summary.jsonl
-      many parts; out/ gets NAME.step, NAME.json and NAME.report.json of each
+      many parts; out/ gets NAME.step, NAME.json, NAME.report.json and NAME.html of each
   thb fit cloud.csv --param given --method ls --degree 2 --mesh 8x8 --extension 2 --lambda 1e-7 --tol 1e-4 --energy gauss-p --within 1
       parameters u,v from the file, and the settings of a G+Smo fit
 
@@ -113,9 +115,12 @@ pub(crate) struct FitArgs {
     /// Output, the format by extension (.step .stp .xml .json .obj .ply .vtk), or a directory; may be repeated.
     #[arg(short, long = "output", value_name = "OUT", required = true)]
     pub(crate) outputs: Vec<PathBuf>,
-    /// Report of a single input, as JSON.
-    #[arg(long, value_name = "R.json")]
-    pub(crate) report: Option<PathBuf>,
+    /// Report of a single input: a page to look at (.html), which needs no other file and no network, or JSON; may be repeated.
+    #[arg(long = "report", value_name = "R.html|R.json")]
+    pub(crate) reports: Vec<PathBuf>,
+    /// No page NAME.html beside the other files in an output directory.
+    #[arg(long)]
+    pub(crate) no_html: bool,
     /// Summary of all inputs, one JSON object a line.
     #[arg(long, value_name = "FILE")]
     pub(crate) summary: Option<PathBuf>,

@@ -89,7 +89,8 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
     }
     let batch = BatchOptions {
         outputs: args.outputs.clone(),
-        report: args.report.clone(),
+        reports: args.reports.clone(),
+        pages: !args.no_html,
         summary: args.summary.clone(),
         jobs: at_most_four_a_core("--jobs", args.jobs.into()),
     };
@@ -139,7 +140,7 @@ fn fit_solid(args: &FitArgs, options: &SolidOptions) -> anyhow::Result<u8> {
         return Err(Error::OptionRange { option: "--layout", given, allowed: "with one input" }.into());
     };
     options.check()?;
-    reconstruct::check_solid_outputs(&args.outputs, args.report.as_deref())?;
+    reconstruct::check_solid_outputs(&args.outputs, &args.reports)?;
     let progress = Progress::new(1, options.within);
     let mut watch = |event: reconstruct::Event<'_>| {
         progress.show(BatchEvent::Within { input, event });
@@ -149,7 +150,7 @@ fn fit_solid(args: &FitArgs, options: &SolidOptions) -> anyhow::Result<u8> {
     let fitted = fitted.inspect(|fitted| progress.println(progress::solid_line(input, fitted)));
     progress.finish();
     let fitted = fitted?;
-    reconstruct::write_solid_outputs(&fitted, &args.outputs, args.report.as_deref())?;
+    reconstruct::write_solid_outputs(&fitted, &args.outputs, &args.reports)?;
     // On a terminal the line stands there already.
     if !fitted.reached() && !io::stderr().is_terminal() {
         complain(&progress::solid_line(input, &fitted));

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 
-use crate::parts::point_at;
+use crate::parts::{point_at, radius};
 use crate::sets::Sets;
 
 /// Angle between facets, in degrees, from which on their common edge is sharp and normals aren't averaged across it.
@@ -123,6 +123,18 @@ impl CurvedTriangles {
         add(point, scale(6.0 * w[0] * w[1] * w[2], middle))
     }
 
+    /// How much the sagitta changes within a part of the triangle round a place, about: between its middle and its corners, and those of
+    /// the part turned by half a turn. `reach` is the distance of the corners.
+    pub fn change_of_sagitta(&self, triangle: usize, w: [f64; 3], reach: f64) -> f64 {
+        let size = reach / radius(self.corners(triangle)).max(f64::MIN_POSITIVE);
+        let middle = self.sagitta(triangle, w);
+        let change = |k: usize, size: f64| {
+            let corner = std::array::from_fn(|i| w[i] + size * (f64::from(u8::from(i == k)) - 1.0 / 3.0));
+            (self.sagitta(triangle, corner) - middle).abs()
+        };
+        (0..3).map(|k| change(k, size).max(change(k, -size))).fold(0.0, f64::max)
+    }
+
     /// Signed height of the curved triangle over the facet along the facet's normal: the sagitta at this place.
     pub fn sagitta(&self, triangle: usize, w: [f64; 3]) -> f64 {
         dot(sub(self.on_curved(triangle, w), self.on_facet(triangle, w)), self.facets[triangle])
@@ -210,6 +222,23 @@ mod tests {
                 let (off, facet_off) = ((x.hypot(y) - 1.0).abs(), (fx.hypot(fy) - 1.0).abs());
                 assert!(off < 0.35 * facet_off && facet_off <= 1.01 * flat, "{n}: {off} {facet_off}");
             }
+        }
+    }
+
+    #[test]
+    fn the_sagitta_changes_little_more_within_a_part_than_between_its_middle_and_its_corners() {
+        let curved = cylinder(6);
+        for t in 0..12 {
+            let reach = radius(curved.corners(t)) / 8.0;
+            crate::parts::for_each_part(8, |w| {
+                let said = curved.change_of_sagitta(t, w, reach);
+                let mut changes = Vec::new();
+                crate::parts::for_each_part(6, |of_part| {
+                    let there = std::array::from_fn(|k| w[k] + (of_part[k] - 1.0 / 3.0) / 8.0);
+                    changes.push((curved.sagitta(t, there) - curved.sagitta(t, w)).abs());
+                });
+                assert!(changes.into_iter().all(|change| change <= 1.01 * said), "{t} {w:?}");
+            });
         }
     }
 

@@ -1,14 +1,13 @@
 //! A surface against a scan.
 
 use ndarray::ArrayView2;
-use point_cloud::barycentric_in_plane;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
 use rayon::prelude::*;
 use serde::Serialize;
 use thb_core::SplineMap;
 
 use crate::gathered::Node;
-use crate::parts::{Judged, Known, farthest, for_each_part, for_each_place, point_at, radius};
+use crate::parts::{Judged, Piece, farthest, for_each_part, for_each_place, pieces, point_at, radius, worth_cutting};
 use crate::scan::{Cloud, Kind, Mesh, diagonal};
 use crate::search::{Foot, SurfaceSearch};
 use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, curvature_radii, self_crossings};
@@ -64,7 +63,7 @@ const EDGE_OF_AREA: f64 = 1.519_671_371_303_185;
 /// Distance in tolerances up to which the point of the surface near a parameter is taken for the nearest one without looking further.
 ///
 /// Derived: larger distances are then those to the nearest point, and so is the largest one, if it is at least that.
-const NEAR_ENOUGH: f64 = 0.5;
+pub(crate) const NEAR_ENOUGH: f64 = 0.5;
 
 /// Change of a distance along a surface, per length, that is always allowed for in search of the largest: a place from which the distance
 /// does not change at first may lie beside a higher one.
@@ -198,7 +197,7 @@ pub struct ScanSide {
 pub struct Measured<'a> {
     map: &'a SplineMap<2>,
     tessellation: &'a Tessellation,
-    search: SurfaceSearch<'a>,
+    pub(crate) search: SurfaceSearch<'a>,
 }
 
 /// The triangles that a surface is measured on at a tolerance.
@@ -247,11 +246,12 @@ impl<'a> Measured<'a> {
         tolerance: f64,
         thresholds: &Thresholds,
     ) -> Result<Deviation, Error> {
-        let from_scan = self.scan_side(scan, parameters, tolerance, thresholds);
+        let from_scan = self.scan_side_with(scan, parameters, tolerance, thresholds, Largest::Searched);
         let from_surface = match &scan.kind {
-            Kind::Mesh(mesh) => self.surface_to_mesh(mesh, tolerance),
+            Kind::Mesh(mesh) => self.surface_to_mesh(mesh, tolerance, Largest::Searched),
             Kind::Cloud(cloud) => {
-                let folded = cloud.spanned.as_ref().and_then(|mesh| self.surface_to_mesh(mesh, tolerance).folded);
+                let folded_over = |mesh: &Mesh| self.surface_to_mesh(mesh, tolerance, Largest::OfPlaces).folded;
+                let folded = cloud.spanned.as_deref().and_then(folded_over);
                 SurfaceSide { folded, ..self.surface_to_cloud(cloud, tolerance) }
             }
         };
@@ -290,7 +290,8 @@ impl<'a> Measured<'a> {
         Ok(crossings)
     }
 
-    /// The measures from the scan to the surface alone.
+    /// The measures from the scan to the surface alone. The largest distance is that of the places that are measured anyway, which is
+    /// quicker to find than the one of all places.
     pub fn scan_side(
         &self,
         scan: &Scan<'_>,
@@ -298,9 +299,20 @@ impl<'a> Measured<'a> {
         tolerance: f64,
         thresholds: &Thresholds,
     ) -> ScanSide {
+        self.scan_side_with(scan, parameters, tolerance, thresholds, Largest::OfPlaces)
+    }
+
+    fn scan_side_with(
+        &self,
+        scan: &Scan<'_>,
+        parameters: Option<ArrayView2<'_, f64>>,
+        tolerance: f64,
+        thresholds: &Thresholds,
+        largest: Largest,
+    ) -> ScanSide {
         let parameter = |i: u32| parameters.map(|p| [p[[i as usize, 0]], p[[i as usize, 1]]]);
         match &scan.kind {
-            Kind::Mesh(mesh) => self.mesh_to_surface(mesh, &parameter, tolerance, thresholds),
+            Kind::Mesh(mesh) => self.mesh_to_surface(mesh, &parameter, tolerance, thresholds, largest),
             Kind::Cloud(cloud) => self.cloud_to_surface(scan.points, cloud, &parameter, tolerance, thresholds),
         }
     }
@@ -311,6 +323,7 @@ impl<'a> Measured<'a> {
         parameter: &(dyn Fn(u32) -> Option<[f64; 2]> + Sync),
         tolerance: f64,
         thresholds: &Thresholds,
+        largest: Largest,
     ) -> ScanSide {
         let periods = self.search.periods();
         let judged = |t: usize, w: [f64; 3], area: f64, reach: f64| {
@@ -320,15 +333,16 @@ impl<'a> Measured<'a> {
             let facet = mesh.curved.facet_normal(t);
             let sagitta = mesh.curved.sagitta(t, w);
             let band = BAND_WIDTH * sagitta.clamp(-WIDEST_BAND * tolerance, WIDEST_BAND * tolerance);
-            let (mut distance, mut nearer) = (foot.distance, foot.distance);
+            let mut distance = foot.distance;
+            let mut most = foot.distance + reach * steepest(way_to(&foot), facet);
             if band.abs() > NEGLIGIBLE_SAGITTA * tolerance {
                 let curved = add(place, scale(band, facet));
-                let other = self.search.nearest(curved, start, NEAR_ENOUGH * tolerance).distance;
-                let is_between = (foot.distance + other - band.abs()).abs() < BETWEEN * band.abs();
-                nearer = foot.distance.min(other);
-                distance = if is_between { 0.0 } else { nearer };
+                let other = self.search.nearest(curved, start, NEAR_ENOUGH * tolerance);
+                let is_between = (foot.distance + other.distance - band.abs()).abs() < BETWEEN * band.abs();
+                distance = if is_between { 0.0 } else { foot.distance.min(other.distance) };
+                let bend = BAND_WIDTH * mesh.curved.change_of_sagitta(t, w, reach);
+                most = most.min(other.distance + reach * steepest(way_to(&other), facet) + bend);
             }
-            let most = nearer + reach * steepest(foot.offset, facet);
             let edge = EDGE_OF_AREA * mesh.curved.areas()[t].sqrt();
             let beyond_rim = foot.on_rim && foot.split().1 > tolerance + edge;
             let signed = foot.distance.copysign(dot(foot.offset, facet));
@@ -352,20 +366,25 @@ impl<'a> Measured<'a> {
         };
         let mut parts: Vec<Part> = (0..mesh.curved.areas().len()).into_par_iter().flat_map_iter(of_triangle).collect();
         let reach = |t: usize| radius(mesh.curved.corners(t));
-        let known = |of_one: &[Part]| {
-            let part = farthest_of(of_one)?;
-            let t = part.triangle as usize;
-            let weights = barycentric_in_plane(part.place, mesh.curved.corners(t))?;
-            let parts = mesh.parts_per_side(t);
-            let most = of_one.iter().map(|part| part.most).fold(0.0, f64::max);
-            Some(Known { triangle: part.triangle, parts, weights, distance: part.distance, most })
+        let known = parts.iter().map(|part| part.distance).fold(0.0, f64::max);
+        let worth = worth_cutting(known, tolerance);
+        let of_one = |parts: &[Part]| {
+            let t = parts[0].triangle;
+            // Behind the parts stand places of them, which say no more.
+            let judged = |k: usize| Judged { distance: parts[k].distance, most: parts[k].most };
+            let is_worth = parts.iter().any(|part| part.most > worth);
+            let all = if is_worth { pieces(t, mesh.parts_per_side(t as usize), judged) } else { Vec::new() };
+            all.into_iter().filter(|piece| piece.judged.most > worth)
         };
-        let known: Vec<Known> = parts.chunk_by(|a, b| a.triangle == b.triangle).filter_map(known).collect();
+        let open = || parts.chunk_by(|a, b| a.triangle == b.triangle).flat_map(of_one).collect();
         let judge = |t: u32, weights: [f64; 3], reach: f64| {
             let Part { distance, most, .. } = judged(t as usize, weights, 0.0, reach);
             Judged { distance, most }
         };
-        let highest = farthest(&known, tolerance, &|t| reach(t as usize), &judge);
+        let highest = match largest {
+            Largest::Searched => farthest(open(), known, tolerance, &|t| reach(t as usize), &judge),
+            Largest::OfPlaces => None,
+        };
         parts.extend(highest.map(|(t, weights)| judged(t as usize, weights, 0.0, 0.0)));
         // Vertices have no area, but may be the farthest places.
         let of_vertex = |&v: &u32| {
@@ -413,13 +432,15 @@ impl<'a> Measured<'a> {
     }
 
     /// Calls `part` with the middle, the triangle, the barycentric coordinates and the area of each part of the surface, and once more,
-    /// without area, for the place that is farthest: `judges` give the distance of what `part` returned, and what it is at most within a
-    /// reach, the first one for all parts, the second one where the farthest is looked for.
+    /// without area, for the place that is farthest, if that is searched: `distance` is that of what `part` returned, `judge` tells besides
+    /// what it is at most within a reach.
     fn parts<T: Send + Sync>(
         &self,
         tolerance: f64,
         part: &(dyn Fn([f64; 3], u32, [f64; 3], f64) -> T + Sync),
-        judges: [Judge<'_, T>; 2],
+        distance: &(dyn Fn(&T) -> f64 + Sync),
+        judge: &(dyn Fn(&T, f64) -> Judged + Sync),
+        largest: Largest,
     ) -> Vec<T> {
         let corners = |t: usize| self.tessellation.corners(t);
         let area = |t: usize| {
@@ -427,33 +448,40 @@ impl<'a> Measured<'a> {
             0.5 * norm(cross(sub(q, p), sub(r, p)))
         };
         let total: f64 = (0..self.tessellation.triangles.len()).map(area).sum();
+        let per_side = |t: usize| ((area(t) * SURFACE_PARTS / total).sqrt().ceil() as usize).clamp(1, 100);
         let of_triangle = |t: usize| {
             let (corners, area) = (corners(t), area(t));
-            let n = ((area * SURFACE_PARTS / total).sqrt().ceil() as usize).clamp(1, 100);
-            let reach = radius(corners) / n as f64;
+            let n = per_side(t);
             let mut made = Vec::with_capacity(n * n);
-            let none = f64::NEG_INFINITY;
-            let mut known = Known { triangle: t as u32, parts: n, weights: [1.0 / 3.0; 3], distance: none, most: none };
+            let mut known = f64::NEG_INFINITY;
             for_each_part(n, |weights| {
                 let found = part(point_at(corners, weights), t as u32, weights, area / (n * n) as f64);
-                let Judged { distance, most } = judges[0](&found, reach);
-                if distance > known.distance {
-                    known = Known { weights, distance, ..known };
-                }
-                known.most = known.most.max(most);
+                known = known.max(distance(&found));
                 made.push(found);
             });
             (made, known)
         };
-        let (made, known): (Vec<Vec<T>>, Vec<Known>) =
+        let (made, known): (Vec<Vec<T>>, Vec<f64>) =
             (0..self.tessellation.triangles.len()).into_par_iter().map(of_triangle).unzip();
+        if largest == Largest::OfPlaces {
+            return made.into_iter().flatten().collect();
+        }
+        let known = known.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        let worth = worth_cutting(known, tolerance);
+        let open = |(t, of_one): (usize, &Vec<T>)| {
+            let n = per_side(t);
+            let reach = radius(corners(t)) / n as f64;
+            let all = pieces(t as u32, n, |k| judge(&of_one[k], reach));
+            all.into_iter().filter(|piece| piece.judged.most > worth).collect::<Vec<Piece>>()
+        };
+        let open: Vec<Vec<Piece>> = made.par_iter().enumerate().map(open).collect();
         let at = |t: u32, weights: [f64; 3]| part(point_at(corners(t as usize), weights), t, weights, 0.0);
-        let judge_at = |t: u32, weights: [f64; 3], reach: f64| judges[1](&at(t, weights), reach);
-        let highest = farthest(&known, tolerance, &|t| radius(corners(t as usize)), &judge_at);
+        let judge_at = |t: u32, weights: [f64; 3], reach: f64| judge(&at(t, weights), reach);
+        let highest = farthest(open.concat(), known, tolerance, &|t| radius(corners(t as usize)), &judge_at);
         made.into_iter().flatten().chain(highest.map(|(t, weights)| at(t, weights))).collect()
     }
 
-    fn surface_to_mesh(&self, mesh: &Mesh, tolerance: f64) -> SurfaceSide {
+    fn surface_to_mesh(&self, mesh: &Mesh, tolerance: f64, largest: Largest) -> SurfaceSide {
         struct Found {
             place: [f64; 3],
             facet: f64,
@@ -479,25 +507,27 @@ impl<'a> Measured<'a> {
             let (cell, u) = self.search.place_in_parameters(triangle, weights);
             let normal = self.search.normal(cell, u);
             let on_rim = mesh.is_on_rim(foot.triangle, foot.barycentric);
+            let is_inside_facet = foot.barycentric.iter().all(|&w| w > 0.0);
             let within_plane = (foot.squared_distance - dot(offset, facet).powi(2)).max(0.0).sqrt();
             Found {
                 place,
                 facet: distance,
                 band: (band.min(0.0) - signed).max(signed - band.max(0.0)).max(0.0),
                 area,
-                steepest: steepest(offset, normal),
+                steepest: steepest(if is_inside_facet { facet } else { offset }, normal),
                 beyond: if on_rim { within_plane } else { 0.0 },
                 on_rim,
                 cosine: dot(facet, normal),
                 normal,
             }
         };
+        let none = f64::NEG_INFINITY;
+        let distance = |found: &Found| if found.on_rim { none } else { found.band };
         let judge = |found: &Found, reach: f64| {
-            let none = f64::NEG_INFINITY;
-            let distance = if found.on_rim { none } else { found.band };
-            Judged { distance, most: if found.beyond > reach { none } else { found.band + reach * found.steepest } }
+            let most = if found.beyond > reach { none } else { found.band + reach * found.steepest };
+            Judged { distance: distance(found), most }
         };
-        let found = self.parts(tolerance, &part, [&judge, &judge]);
+        let found = self.parts(tolerance, &part, &distance, &judge, largest);
         let area: f64 = found.iter().map(|f| f.area).sum();
         let inside: Vec<&Found> = found.iter().filter(|f| !f.on_rim).collect();
         let inner: f64 = inside.iter().map(|f| f.area).sum();
@@ -522,29 +552,22 @@ impl<'a> Measured<'a> {
         struct Found {
             place: [f64; 3],
             distance: f64,
-            nearest: u32,
             counted: f64,
             area: f64,
         }
         let part = |place: [f64; 3], _: u32, _: [f64; 3], area: f64| {
             let (distance, nearest) = cloud.tree.nearest(place);
             let counted = (distance - cloud.spacing[nearest as usize]).max(0.0);
-            Found { place, distance, nearest, counted, area }
+            Found { place, distance, counted, area }
         };
-        // Within the reach another point may be the nearest, whose spacing is smaller: probably a neighbour of the nearest one, certainly
-        // one as near as the nearest may be there.
-        let judged = |found: &Found, reach: f64, least_spacing: f64| Judged {
-            distance: found.counted,
-            most: found.distance + reach - least_spacing,
-        };
-        let probably = |found: &Found, reach: f64| judged(found, reach, cloud.least_spacing[found.nearest as usize]);
-        let certainly = |found: &Found, reach: f64| {
+        let judge = |found: &Found, reach: f64| {
+            // Within the reach another point may be the nearest, whose spacing is smaller; it is as near as the nearest may be there.
             let mut least = f64::INFINITY;
             let farthest = (found.distance + 2.0 * reach).next_up();
             cloud.tree.for_each_within(found.place, farthest, |k| least = least.min(cloud.spacing[k as usize]));
-            judged(found, reach, least)
+            Judged { distance: found.counted, most: found.distance + reach - least }
         };
-        let found = self.parts(tolerance, &part, [&probably, &certainly]);
+        let found = self.parts(tolerance, &part, &|found| found.counted, &judge, Largest::Searched);
         let area: f64 = found.iter().map(|f| f.area).sum();
         // Where no point is within two spacings the surface spans a void or reaches beyond the outline.
         let is_beyond = |f: &&Found| f.counted > 0.5 * f.distance && f.counted > tolerance;
@@ -607,8 +630,14 @@ impl Part {
     }
 }
 
-/// Distance of a place of which more is known, and what it is at most within a reach.
-type Judge<'a, T> = &'a (dyn Fn(&T, f64) -> Judged + Sync);
+/// Which place is taken for the farthest.
+#[derive(Clone, Copy, PartialEq)]
+enum Largest {
+    /// The one of all places ([`farthest`]).
+    Searched,
+    /// The one of those that are measured anyway.
+    OfPlaces,
+}
 
 /// The measures from the surface to the scan.
 struct SurfaceSide {
@@ -627,9 +656,9 @@ fn steepest(offset: [f64; 3], normal: [f64; 3]) -> f64 {
     (2.0 * sine + LEAST_SLOPE).min(1.0)
 }
 
-/// The part that is farthest, the first one of several.
-fn farthest_of(parts: &[Part]) -> Option<&Part> {
-    parts.iter().reduce(|best, part| if part.distance > best.distance { part } else { best })
+/// The direction to a foot: the normal, which is exact where the place all but lies on the surface, unless the foot is on the rim.
+fn way_to(foot: &Foot) -> [f64; 3] {
+    if foot.on_rim { foot.offset } else { foot.normal }
 }
 
 fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds: &Thresholds) -> ScanSide {

@@ -22,10 +22,10 @@ const CUT_AT_ONCE: usize = 64;
 /// Derived: a fifth of that up to which reported and measured largest distances agree (docs, "Reported and measured").
 const LARGEST_ERROR: f64 = 0.01;
 
-/// Parts of a side that a triangle is cut into at most at a time.
+/// Parts of a side that a piece is cut into.
 ///
-/// Limit: one hundredth of the places that are searched.
-const MOST_CUT: usize = 14;
+/// Limit: the smallest number; more would cut where half the size rules the piece out.
+const CUT: usize = 2;
 
 /// Fractional parts of the multiples of these two numbers fill the unit square evenly (Roberts 2018, the sequence R₂): the inverse
 /// of the root of x³ = x + 1, and its square.
@@ -34,6 +34,15 @@ const EVENLY: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 /// Calls `visit` with the barycentric coordinates of the middle of each of the `n²` parts of a triangle.
 pub(crate) fn for_each_part(n: usize, mut visit: impl FnMut([f64; 3])) {
     for_each_part_at(n, |_| [1.0 / 3.0; 2], &mut |weights, _| visit(weights));
+}
+
+/// The `n²` parts of a triangle as pieces, in the order of [`for_each_part`], of which `judged` tells the distances at their middles.
+pub(crate) fn pieces(triangle: u32, n: usize, mut judged: impl FnMut(usize) -> Judged) -> Vec<Piece> {
+    let mut pieces = Vec::with_capacity(n * n);
+    for_each_part_at(n, |_| [1.0 / 3.0; 2], &mut |middle, sign| {
+        pieces.push(Piece { triangle, middle, size: sign / n as f64, judged: judged(pieces.len()) });
+    });
+    pieces
 }
 
 /// Calls `visit` with the barycentric coordinates of a place in each of the `n²` parts of a triangle. Where that is in the part differs
@@ -78,19 +87,6 @@ pub(crate) fn radius(corners: [[f64; 3]; 3]) -> f64 {
     corners.iter().map(|&corner| norm(sub(corner, middle))).fold(0.0, f64::max)
 }
 
-/// The farthest place that is known of a triangle.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Known {
-    pub(crate) triangle: u32,
-    /// Parts of a side that it was judged in.
-    pub(crate) parts: usize,
-    /// Barycentric coordinates of the place.
-    pub(crate) weights: [f64; 3],
-    pub(crate) distance: f64,
-    /// What no place of the triangle exceeds.
-    pub(crate) most: f64,
-}
-
 /// A distance at a place, and what it is at most at places as far from there as was asked.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Judged {
@@ -100,25 +96,32 @@ pub(crate) struct Judged {
 
 /// A part of a triangle that is similar to it.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+pub(crate) struct Piece {
     triangle: u32,
     /// Barycentric coordinates of its middle.
     middle: [f64; 3],
     /// Its size in triangles, negative where it is turned by half a turn.
     size: f64,
-    /// Parts of a side that it will be cut into.
-    cut: usize,
-    most: f64,
+    /// The distance at its middle, and what no place of it exceeds.
+    pub(crate) judged: Judged,
 }
 
 impl Piece {
+    /// The largest distance that is to be expected in it: most distances grow by half of what they may. A middle that does not count, beyond
+    /// an outline, tells nothing.
+    fn promise(&self) -> f64 {
+        let Judged { distance, most } = self.judged;
+        if distance.is_finite() { 0.5 * (distance + most) } else { most }
+    }
+
     /// The middles of the parts of an even cut, and their sizes.
-    fn parts(&self) -> Vec<([f64; 3], f64)> {
-        let mut parts = Vec::with_capacity(self.cut * self.cut);
-        let size = self.size / self.cut as f64;
-        for_each_part_at(self.cut, |_| [1.0 / 3.0; 2], &mut |w, sign| {
+    fn parts(&self) -> [([f64; 3], f64); CUT * CUT] {
+        let mut parts = [([0.0; 3], 0.0); CUT * CUT];
+        let (size, mut number) = (self.size / CUT as f64, 0);
+        for_each_part_at(CUT, |_| [1.0 / 3.0; 2], &mut |w, sign| {
             let middle = array::from_fn(|k| (self.middle[k] + self.size * (w[k] - 1.0 / 3.0)).max(0.0));
-            parts.push((middle, sign * size));
+            parts[number] = (middle, sign * size);
+            number += 1;
         });
         parts
     }
@@ -142,60 +145,57 @@ impl Ord for Piece {
     fn cmp(&self, other: &Self) -> Ordering {
         let by_middle =
             || (0..3).map(|k| other.middle[k].total_cmp(&self.middle[k])).fold(Ordering::Equal, Ordering::then);
-        self.most.total_cmp(&other.most).then(other.triangle.cmp(&self.triangle)).then_with(by_middle)
+        self.promise().total_cmp(&other.promise()).then(other.triangle.cmp(&self.triangle)).then_with(by_middle)
     }
 }
 
-/// The farthest place of all triangles, by branch and bound (Piyavskii and Shubert's search for the largest value of a function that
-/// does not change faster than its argument): the piece that may have the largest distance is cut, and pieces that cannot have a larger
-/// one than is known, up to a hundredth of it or of the tolerance, or are that small, are left out. `judge` gives the distance at a place of a triangle and
-/// what it is at most within a reach of it, `radius` the reach that takes in all of a triangle from its middle. The result is certain
-/// unless `judge` is asked 2·10⁴ times, when the best place so far is taken.
+/// What a piece has to promise to be cut, where a place at the distance `known` is known.
+pub(crate) fn worth_cutting(known: f64, tolerance: f64) -> f64 {
+    known + LARGEST_ERROR * known.max(tolerance)
+}
+
+/// The farthest place in `pieces`, if that is farther than is `known`, by branch and bound (Piyavskii and Shubert's search for the
+/// largest value of a function that does not change faster than its argument): the piece that promises most is cut, and pieces that cannot
+/// have a larger distance than is known, up to a hundredth of it or of the tolerance, or are that small, are left out.
+/// `judge` gives the distance at a place of a triangle and what it is at most within a reach of it, `radius` the reach that takes in all
+/// of a triangle from its middle. The result is certain unless `judge` is asked 2·10⁴ times, when the best place so far is taken.
 pub(crate) fn farthest(
-    known: &[Known],
+    pieces: Vec<Piece>,
+    known: f64,
     tolerance: f64,
     radius: &(dyn Fn(u32) -> f64 + Sync),
     judge: &(dyn Fn(u32, [f64; 3], f64) -> Judged + Sync),
 ) -> Option<(u32, [f64; 3])> {
-    let mut best = *known.iter().max_by(|a, b| a.distance.total_cmp(&b.distance).then(b.triangle.cmp(&a.triangle)))?;
-    let bound = |best: f64| best + LARGEST_ERROR * best.max(tolerance);
-    let whole = |k: &Known| Piece {
-        triangle: k.triangle,
-        middle: [1.0 / 3.0; 3],
-        size: 1.0,
-        cut: (2 * k.parts).min(MOST_CUT),
-        most: k.most,
-    };
-    let mut open: BinaryHeap<Piece> = known.iter().filter(|k| k.most > bound(best.distance)).map(whole).collect();
-    let mut asked = 0;
+    let mut open = BinaryHeap::from(pieces);
+    let (mut best, mut known, mut asked) = (None, known, 0);
     while asked < MOST_SEARCHED {
-        let mut pieces = Vec::with_capacity(CUT_AT_ONCE);
-        while pieces.len() < CUT_AT_ONCE && open.peek().is_some_and(|piece| piece.most > bound(best.distance)) {
-            pieces.extend(open.pop());
-        }
-        if pieces.is_empty() {
+        let is_worth = |piece: &Piece| piece.judged.most > worth_cutting(known, tolerance);
+        let popped = std::iter::from_fn(|| open.pop());
+        let cut: Vec<Piece> = popped.filter(is_worth).take(CUT_AT_ONCE).collect();
+        if cut.is_empty() {
             break;
         }
-        let of_piece = |piece: &Piece| -> Vec<(Piece, f64)> {
+        let of_piece = |piece: &Piece| {
             let radius = radius(piece.triangle);
-            let judged = |(middle, size): ([f64; 3], f64)| {
+            piece.parts().map(|(middle, size)| {
                 let found = judge(piece.triangle, middle, size.abs() * radius);
-                (Piece { middle, size, cut: 2, most: found.most.min(piece.most), ..*piece }, found.distance)
-            };
-            piece.parts().into_iter().map(judged).collect()
+                let judged = Judged { most: found.most.min(piece.judged.most), ..found };
+                Piece { middle, size, judged, ..*piece }
+            })
         };
-        let parts: Vec<Vec<(Piece, f64)>> = pieces.par_iter().map(of_piece).collect();
-        for (part, distance) in parts.into_iter().flatten() {
+        let parts: Vec<[Piece; CUT * CUT]> = cut.par_iter().map(of_piece).collect();
+        for part in parts.into_iter().flatten() {
             asked += 1;
-            if distance > best.distance {
-                best = Known { triangle: part.triangle, weights: part.middle, distance, ..best };
+            if part.judged.distance > known {
+                (best, known) = (Some((part.triangle, part.middle)), part.judged.distance);
             }
-            if part.most > bound(best.distance) && part.size.abs() * radius(part.triangle) > LARGEST_ERROR * tolerance {
+            let is_large = part.size.abs() * radius(part.triangle) > LARGEST_ERROR * tolerance;
+            if is_large && part.judged.most > worth_cutting(known, tolerance) {
                 open.push(part);
             }
         }
     }
-    Some((best.triangle, best.weights))
+    best
 }
 
 #[cfg(test)]
@@ -254,28 +254,19 @@ mod tests {
             let distance = height(t, w);
             Judged { distance, most: distance + reach }
         };
-        let middle = [1.0 / 3.0; 3];
-        let known: Vec<Known> = (0..100)
-            .map(|triangle| {
-                let Judged { distance, most } = judge(triangle, middle, 0.75);
-                Known { triangle, parts: 1, weights: middle, distance, most }
-            })
-            .collect();
-        let (triangle, weights) = farthest(&known, 0.1, &|_| 0.75, &judge).unwrap();
+        let whole = |t: u32| pieces(t, 1, |_| judge(t, [1.0 / 3.0; 3], 0.75));
+        let all: Vec<Piece> = (0..100).flat_map(whole).collect();
+        let (triangle, weights) = farthest(all.clone(), 0.0, 0.1, &|_| 0.75, &judge).unwrap();
         assert!(height(triangle, weights) > 1.099 * 0.99, "{triangle} {weights:?}");
-        assert!(farthest(&[], 0.1, &|_| 0.75, &judge).is_none());
+        assert!(farthest(all, 1.1, 0.1, &|_| 0.75, &judge).is_none());
     }
 
     #[test]
     fn a_piece_is_cut_into_parts_that_cover_it() {
-        let whole = Piece { triangle: 0, middle: [1.0 / 3.0; 3], size: 1.0, cut: 3, most: 0.0 };
-        let mut pieces = vec![whole];
-        for cut in [3, 2, 2] {
-            let parts = |piece: &Piece| Piece { cut, ..*piece }.parts();
-            pieces = pieces
-                .iter()
-                .flat_map(|piece| parts(piece).into_iter().map(move |(middle, size)| Piece { middle, size, ..*piece }))
-                .collect();
+        let mut pieces = pieces(0, 3, |_| Judged { distance: 0.0, most: 0.0 });
+        for _ in 0..2 {
+            let parts = |piece: Piece| piece.parts().map(|(middle, size)| Piece { middle, size, ..piece });
+            pieces = pieces.into_iter().flat_map(parts).collect();
         }
         assert!(pieces.len() == 144 && pieces.iter().all(|piece| (piece.size.abs() - 1.0 / 12.0).abs() < 1e-12));
         let mut middles = Vec::new();

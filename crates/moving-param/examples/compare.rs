@@ -62,19 +62,7 @@ fn main() -> Result<(), Failure> {
     let fitting = fit_ls::Options { lambda, quadrature: Quadrature::GaussP, ..fit_ls::Options::default() };
     let boundary = if text("boundary", "kept") == "free" { Boundary::Free } else { Boundary::Kept };
     let guard = text("guard", "on") == "on";
-    let given = |key| number(key, 0.0).map(|n| (n > 0.0).then_some(n as usize));
-    let weight = number("lambda", 1e-7)?;
-    let local = fit_qi::Options {
-        lambda: match text("local", "constant").as_str() {
-            "points" => LocalLambda::PerPoint(weight),
-            "area" => LocalLambda::PerArea(weight),
-            _ => LocalLambda::Constant(weight),
-        },
-        n_min: given("nmin")?,
-        n_loc: given("nloc")?,
-        density: number("density", 0.3)?,
-        splits: [number("splits", 1.0)? as usize; 2],
-    };
+    let local = local_options(&text, &number)?;
     let triangles = delaunay(&parameters)?;
     for name in text("methods", "fixed,a-pdm:1,a-pdm:3,a-hdm:3:0.01,joint,j-pdm:b").split(',') {
         println!("{name}");
@@ -114,6 +102,26 @@ fn main() -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+/// What quasi-interpolation is told.
+fn local_options(
+    text: &dyn Fn(&str, &str) -> String,
+    number: &dyn Fn(&str, f64) -> Result<f64, Failure>,
+) -> Result<fit_qi::Options<2>, Failure> {
+    let given = |key| number(key, 0.0).map(|n| (n > 0.0).then_some(n as usize));
+    let weight = number("lambda", 1e-7)?;
+    Ok(fit_qi::Options {
+        lambda: match text("local", "constant").as_str() {
+            "points" => LocalLambda::PerPoint(weight),
+            "area" => LocalLambda::PerArea(weight),
+            _ => LocalLambda::Constant(weight),
+        },
+        n_min: given("nmin")?,
+        n_loc: given("nloc")?,
+        density: number("density", 0.3)?,
+        splits: [number("splits", 1.0)? as usize; 2],
+    })
 }
 
 #[expect(clippy::print_stdout, reason = "an example prints its result")]

@@ -9,7 +9,7 @@ use ndarray::{Array2, ArrayView1, ArrayView2};
 use thb_core::{HierarchicalSpace, ParameterBox, SplineMap};
 
 use crate::driver::StepWatch;
-use crate::methods::square_map::SquareMap;
+use crate::methods::square::SquareMap;
 use crate::points::constraint::Constraints;
 use crate::points::foot_point::{FootPoints, foot_points};
 use crate::points::place::placed;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::edges::DisjointSets;
 use crate::local_frame::{NORMAL_MEDIAN, median};
-use crate::neighbours::Neighbours;
+use crate::neighbour_lists::Neighbours;
 use crate::{CloudError, SPACING_NEIGHBOURS};
 
 /// Points whose neighbours are unusually far away.

@@ -6,6 +6,7 @@ use crate::edges::EdgeMap;
 use crate::order_loop::loop_length;
 use crate::pieces::{Pieces, unreferenced_vertices};
 use crate::vec3::{cross, sub, unit};
+use crate::vertex_fans::fans;
 use crate::{CloudError, TriangleMesh, check_finite, orient_consistently};
 
 /// A closed sequence of boundary vertices, the surface on its left seen from outside.
@@ -101,7 +102,7 @@ impl DiskMesh {
 
 /// Checks that the triangles around each vertex form one fan.
 fn check_pinched(mesh: &TriangleMesh, edges: &EdgeMap) -> Result<(), CloudError> {
-    let fan_of = crate::repair::fans(mesh, edges);
+    let fan_of = fans(mesh, edges);
     let mut fans = vec![0usize; mesh.vertices.nrows()];
     for (corner, &vertex) in mesh.triangles.iter().flatten().enumerate() {
         if fan_of[corner] == corner as u32 {

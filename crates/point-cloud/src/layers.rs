@@ -9,7 +9,8 @@ use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
 use crate::local_frame::median;
-use crate::neighbours::{Neighbours, rows};
+use crate::neighbour_lists::Neighbours;
+use crate::neighbours::rows;
 use crate::quadric::{basis, factorize, principal_axes, solve};
 use crate::search::CloudTree;
 use crate::vec3::{cross, dot, scale, sub};

@@ -3,10 +3,11 @@
 use ndarray::{Array1, Array2, ArrayView2};
 use rayon::prelude::*;
 
+use crate::neighbour_lists::{Neighbour, order};
 use crate::neighbours::rows;
 use crate::orient_normals::orient;
 use crate::quadric::{Quadric, principal_axes};
-use crate::search::{CloudTree, Neighbour, order};
+use crate::search::CloudTree;
 use crate::vec3::{cross, dot, sub, unit};
 use crate::{CloudError, check_surface_cloud};
 

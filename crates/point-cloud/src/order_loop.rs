@@ -4,7 +4,8 @@ use ndarray::{ArrayView2, Axis};
 
 use crate::CloudError;
 use crate::edges::DisjointSets;
-use crate::neighbours::{Neighbours, rows};
+use crate::neighbour_lists::Neighbours;
+use crate::neighbours::rows;
 
 /// Neighbours that an edge of the loop may lead to. Along a curve two would do; ragged rims double back.
 const CANDIDATES: usize = 12;

@@ -5,9 +5,10 @@ use rayon::prelude::*;
 
 use crate::CloudError;
 use crate::local_frame::median;
+use crate::neighbour_lists::Neighbour;
 use crate::neighbours::rows;
 use crate::quadric::principal_axes;
-use crate::search::{CloudTree, Neighbour};
+use crate::search::CloudTree;
 use crate::vec3::{add, dot, norm, scale, sub};
 
 /// Points at which rows are looked for.

@@ -5,7 +5,8 @@ use std::num::NonZero;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use crate::{CloudError, Neighbours};
+use crate::CloudError;
+use crate::neighbour_lists::{Neighbour, Neighbours, order};
 
 /// Points that search together, fewest and most: more share one search of the tree, but look through more points far from each.
 const SEARCHED_TOGETHER: [usize; 2] = [12, 32];
@@ -29,9 +30,6 @@ struct Known {
     neighbours: Neighbours,
     count: usize,
 }
-
-/// A neighbour: its distance and its row.
-pub type Neighbour = (f64, u32);
 
 impl<'a, const N: usize> CloudTree<'a, N> {
     /// A tree over `points` with finite coordinates. O(m log m).
@@ -212,11 +210,6 @@ fn others(i: usize, found: impl Iterator<Item = Neighbour>) -> Vec<Neighbour> {
     let mut list: Vec<_> = found.filter(|f| f.1 as usize != i).map(|(d, j)| (d.sqrt(), j)).collect();
     list.sort_unstable_by(order);
     list
-}
-
-/// The order of neighbours: by distance and then by row.
-pub(crate) fn order(a: &Neighbour, b: &Neighbour) -> std::cmp::Ordering {
-    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
 }
 
 fn squared_distance<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {

@@ -8,14 +8,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use deviation::{Reason, Verdict};
+use report_page::{IndexRow, Tone};
 use serde::Serialize;
 
 use crate::options::{all_shown, shown};
-use crate::output::{check_parameter_format, is_directory, part_name};
+use crate::output::{check_no_page, check_parameter_format, is_directory, is_page, part_name, write_outputs_and_draw};
+use crate::page::tone;
 use crate::paths::identity;
 use crate::{
     Error, Event, FitOptions, OutputPaths, ParameterOptions, PieceFits, Report, ReweightingReport, fit_file,
-    fit_pieces_file, write_outputs, write_piece_outputs, write_text,
+    fit_pieces_file, write_piece_outputs, write_text,
 };
 
 /// Where the results of a batch go, and how many parts are fitted at a time.
@@ -23,8 +25,10 @@ use crate::{
 pub struct BatchOptions {
     /// Outputs; a single directory for several inputs.
     pub outputs: Vec<PathBuf>,
-    /// The report of a single input.
-    pub report: Option<PathBuf>,
+    /// Reports of a single input: pages (`.html`), all others JSON.
+    pub reports: Vec<PathBuf>,
+    /// Whether directories get a page a part, and with several inputs a page of all, `index.html`.
+    pub pages: bool,
     /// Summary of all parts, one JSON object a line in the order of the inputs. Written anew after each part, so that
     /// an interrupted batch leaves one of what is done.
     pub summary: Option<PathBuf>,
@@ -58,6 +62,9 @@ pub struct PartResult {
     /// What became of it.
     #[serde(flatten)]
     pub outcome: PartOutcome,
+    /// A small picture of it, as PNG, where it has a page; else empty.
+    #[serde(skip)]
+    pub picture: Vec<u8>,
 }
 
 /// What became of a part.
@@ -112,7 +119,7 @@ pub enum PartOutcome {
 pub struct BatchResult {
     /// The parts that were begun, in the order of the inputs.
     pub parts: Vec<PartResult>,
-    /// Whether the summary could be written, the last time it was.
+    /// Whether the summary and the page of the batch could be written, the last time they were.
     pub summary: Result<(), Error>,
 }
 
@@ -132,10 +139,11 @@ pub fn run_batch(
     check_outputs(inputs, batch)?;
     let outputs: Vec<OutputPaths> = inputs
         .iter()
-        .map(|input| OutputPaths::of(input, &batch.outputs, batch.report.as_deref()))
+        .map(|input| OutputPaths::of(input, &batch.outputs, &batch.reports, batch.pages))
         .collect::<Result<_, _>>()?;
     let read: Vec<PathBuf> = inputs.iter().chain(options.files()).cloned().collect();
-    let taken = check_overwriting(&read, &outputs, batch.summary.as_ref())?;
+    let index = index_of(inputs, batch);
+    let taken = check_overwriting(&read, &outputs, batch.summary.iter().chain(&index))?;
     let results: Mutex<Results> = Mutex::new(Results { parts: vec![None; inputs.len()], summary: Ok(()) });
     let work = |i: usize| {
         // Within the pool: the kernels of the factorization keep buffers of twice the last cache for each thread that calls them, a GB on
@@ -144,9 +152,9 @@ pub fn run_batch(
         let further = on_event(BatchEvent::Done(&result));
         if let Ok(mut results) = results.lock() {
             results.parts[i] = Some(result);
-            if let Some(path) = &batch.summary {
-                results.summary = write_summary(path, &results.parts);
-            }
+            let written = batch.summary.as_ref().map_or(Ok(()), |path| write_summary(path, &results.parts));
+            let indexed = index.as_ref().map_or(Ok(()), |path| write_index(path, &results.parts));
+            results.summary = written.and(indexed);
         }
         further
     };
@@ -169,6 +177,12 @@ pub fn run_batch(
     Ok(BatchResult { parts: parts.into_iter().flatten().collect(), summary })
 }
 
+/// The page of all parts: in the directory that the parts of a batch are written to.
+fn index_of(inputs: &[PathBuf], batch: &BatchOptions) -> Option<PathBuf> {
+    let directory = batch.outputs.iter().find(|output| is_directory(output))?;
+    (batch.pages && inputs.len() > 1).then(|| directory.join("index.html"))
+}
+
 /// The parts that are done, and how the last writing of the summary went.
 struct Results {
     parts: Vec<Option<PartResult>>,
@@ -185,6 +199,36 @@ fn write_summary(path: &Path, parts: &[Option<PartResult>]) -> Result<(), Error>
     write_text(path, &lines)
 }
 
+fn write_index(path: &Path, parts: &[Option<PartResult>]) -> Result<(), Error> {
+    let rows: Vec<IndexRow> = parts.iter().flatten().map(PartResult::index_row).collect();
+    let directory = path.parent().and_then(Path::file_name).unwrap_or_default();
+    write_text(path, &report_page::index(&directory.to_string_lossy(), &rows))
+}
+
+impl PartResult {
+    /// The row of the part in the page of a batch.
+    fn index_row(&self) -> IndexRow {
+        let page = self.outputs.iter().find(|path| is_page(path)).and_then(|path| path.file_name());
+        let (verdict, tone, figures, reasons) = match &self.outcome {
+            PartOutcome::Failed { error } => ("no surface", Tone::Failed, None, vec![error.clone()]),
+            PartOutcome::Fitted { verdict, reasons, dofs, within, max, tolerance, seconds, .. } => {
+                let figures = Some([*dofs as f64, *within, *max, *tolerance, *seconds]);
+                let reasons = reasons.iter().map(|reason| reason.text.clone()).collect();
+                (verdict.name(), tone(*verdict), figures, reasons)
+            }
+        };
+        IndexRow {
+            name: self.input.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            page: page.unwrap_or_default().to_string_lossy().into_owned(),
+            verdict: verdict.to_owned(),
+            tone,
+            figures,
+            reasons,
+            picture: self.picture.clone(),
+        }
+    }
+}
+
 fn fit_part(
     input: &Path,
     outputs: &OutputPaths,
@@ -193,21 +237,22 @@ fn fit_part(
     on_event: &(dyn Fn(BatchEvent<'_>) -> ControlFlow<()> + Sync),
 ) -> PartResult {
     let mut watch = |event: Event<'_>| on_event(BatchEvent::Within { input, event });
-    let mut fit_and_write = || -> Result<(Vec<PathBuf>, PartOutcome), Error> {
+    let mut fit_and_write = || -> Result<(Vec<PathBuf>, PartOutcome, Vec<u8>), Error> {
         outputs.check_writable()?;
         if options.all_pieces {
             let fits = fit_pieces_file(input, options, &mut watch)?;
-            return Ok((write_piece_outputs(&fits, outputs, taken)?, PartOutcome::of_pieces(&fits)));
+            return Ok((write_piece_outputs(&fits, outputs, taken)?, PartOutcome::of_pieces(&fits), Vec::new()));
         }
         let fit = fit_file(input, options, &mut watch)?;
-        write_outputs(&fit, outputs)?;
-        Ok((outputs.files.iter().chain(&outputs.report).cloned().collect(), PartOutcome::of_report(fit.report)))
+        let picture = write_outputs_and_draw(&fit, outputs)?;
+        let written = outputs.files.iter().chain(&outputs.reports).cloned().collect();
+        Ok((written, PartOutcome::of_report(fit.report), picture))
     };
-    let (outputs, outcome) = fit_and_write().unwrap_or_else(|error| {
+    let (outputs, outcome, picture) = fit_and_write().unwrap_or_else(|error| {
         tracing::error!(input = %input.display(), %error, "failed");
-        (Vec::new(), PartOutcome::Failed { error: error.to_string() })
+        (Vec::new(), PartOutcome::Failed { error: error.to_string() }, Vec::new())
     });
-    PartResult { input: input.to_owned(), outputs, outcome }
+    PartResult { input: input.to_owned(), outputs, outcome, picture }
 }
 
 impl PartOutcome {
@@ -286,7 +331,7 @@ fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> 
     if inputs.len() < 2 {
         return Ok(());
     }
-    let files = batch.outputs.iter().filter(|output| !is_directory(output)).chain(&batch.report);
+    let files = batch.outputs.iter().filter(|output| !is_directory(output)).chain(&batch.reports);
     if let Some(path) = files.into_iter().next() {
         return Err(Error::NeedsDirectory { path: path.clone(), count: inputs.len() });
     }
@@ -304,7 +349,7 @@ fn check_outputs(inputs: &[PathBuf], batch: &BatchOptions) -> Result<(), Error> 
 /// Checks the outputs of parameters before anything is read.
 ///
 /// # Errors
-/// [`Error::ParameterFormat`], [`Error::OutputTwice`], [`Error::OutputIsInput`].
+/// [`Error::ParameterFormat`], [`Error::NoPage`], [`Error::OutputTwice`], [`Error::OutputIsInput`].
 pub fn check_parameter_outputs(
     input: &Path,
     options: &ParameterOptions,
@@ -314,21 +359,22 @@ pub fn check_parameter_outputs(
     for path in outputs {
         check_parameter_format(path)?;
     }
-    let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
+    check_no_page(report)?;
+    let paths = OutputPaths { files: outputs.to_vec(), reports: report.map(Path::to_owned).into_iter().collect() };
     let read: Vec<PathBuf> =
         std::iter::once(input).chain(options.files().map(PathBuf::as_path)).map(Path::to_owned).collect();
-    check_overwriting(&read, &[paths], None).map(drop)
+    check_overwriting(&read, &[paths], []).map(drop)
 }
 
 /// Checks that no output is an input or another output; returns what all of them are known by.
-pub(crate) fn check_overwriting(
+pub(crate) fn check_overwriting<'a>(
     inputs: &[PathBuf],
-    outputs: &[OutputPaths],
-    summary: Option<&PathBuf>,
+    outputs: &'a [OutputPaths],
+    others: impl IntoIterator<Item = &'a PathBuf>,
 ) -> Result<BTreeSet<PathBuf>, Error> {
     let read: BTreeSet<PathBuf> = inputs.iter().map(|input| identity(input)).collect();
     let mut written = BTreeSet::new();
-    for path in outputs.iter().flat_map(|paths| paths.files.iter().chain(&paths.report)).chain(summary) {
+    for path in outputs.iter().flat_map(|paths| paths.files.iter().chain(&paths.reports)).chain(others) {
         let identity = identity(path);
         if read.contains(&identity) {
             return Err(Error::OutputIsInput { path: path.clone() });

@@ -358,6 +358,12 @@ pub enum Error {
         /// The output.
         path: PathBuf,
     },
+    /// A page was asked for of what has none.
+    #[error("{}: only fits of surfaces have a page; the report of curves and of parameters is JSON", path.display())]
+    NoPage {
+        /// The report.
+        path: PathBuf,
+    },
     /// Several inputs need a directory to go to.
     #[error("{count} inputs cannot go to the single file {}; name a directory", path.display())]
     NeedsDirectory {
@@ -477,6 +483,7 @@ impl Error {
             Self::OptionRange { .. }
             | Self::OtherMethod { .. }
             | Self::OutputFormat { .. }
+            | Self::NoPage { .. }
             | Self::ParameterFormat { .. }
             | Self::CurveFormat { .. }
             | Self::SolidFormat { .. }

@@ -19,7 +19,8 @@ use crate::orientation::vote;
 use crate::parameters::{Parameterized, parameterize};
 use crate::prepare;
 use crate::problem::Problem;
-use crate::report::{InputReport, Report, ResultReport, SmoothedMore, history, sides};
+use crate::report::{InputReport, PROGRAM, Report, ResultReport, SmoothedMore, history, sides};
+use crate::scanned::{ReadPoints, Scanned, fingerprint};
 use crate::tolerance::hint;
 use crate::trim::trims;
 use crate::warnings::{Warning, of_surface};
@@ -42,6 +43,8 @@ pub struct Fit {
     pub holes: Vec<Array2<f64>>,
     /// Whether the face normal is opposite to `S_u × S_v`.
     pub reversed: bool,
+    /// What else is known of the scan.
+    pub scanned: Scanned,
 }
 
 impl Fit {
@@ -66,7 +69,9 @@ impl Fit {
 pub fn fit_file(path: &Path, options: &FitOptions, watch: &mut Watch<'_>) -> Result<Fit, Error> {
     let _ = watch(Event::Step("reading"));
     let scan = read_scan(path, &options.parameters.read)?;
-    fit_scan(scan, &path.display().to_string(), options, watch)
+    let mut fit = fit_scan(scan, &path.display().to_string(), options, watch)?;
+    fit.report.input.sha256 = fingerprint(path);
+    Ok(fit)
 }
 
 /// Fits what a file held; `name` stands in the report.
@@ -79,6 +84,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let span = tracing::info_span!("fit", name);
     let _guard = span.enter();
     let source = Source::of(&scan, name, options);
+    let read = ReadPoints::of(&scan);
     let laid_out = parameterize(scan, &options.parameters, watch)?;
     let asked = Asked::of(options, &laid_out)?;
     let chosen = fit_laid_out(&laid_out, &asked, watch)?;
@@ -106,11 +112,21 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let mut result = result(&chosen, reasons, &laid_out, &asked)?;
     (result.normals, result.trimmed) = (normals, holes.as_ref().map(Vec::len));
     result.seconds = start.elapsed().as_secs_f64();
+    let has_heights = source.has_heights;
+    let input = source.report(&laid_out, asked.diagonal);
+    let scanned = Scanned {
+        left_out: read.left_out(&laid_out),
+        set_aside: chosen.attempt.fitted.counted.iter().flatten().map(|counts| !counts).collect(),
+        has_heights,
+        has_side: laid_out.is_mesh || has_heights || normals.is_some(),
+        triangles: if laid_out.is_mesh { laid_out.triangles } else { Vec::new() },
+    };
     let report = Report {
         schema: 1,
+        program: PROGRAM,
         history: history(iterations, moves, quasi),
         result,
-        input: source.report(&laid_out, asked.diagonal),
+        input,
         parameterization: laid_out.report,
         options: FitOptions { units: Some(unit), ..options.clone() },
         warnings,
@@ -119,7 +135,8 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let mut model = Model::surface(map, unit);
     model.metadata.insert("source".into(), name.into());
     let reversed = normals.map_or(laid_out.reversed, |normals| normals.reversed) != options.flip;
-    Ok(Fit { model, report, points: laid_out.points, parameters, errors, holes: holes.unwrap_or_default(), reversed })
+    let (points, holes) = (laid_out.points, holes.unwrap_or_default());
+    Ok(Fit { model, report, points, parameters, errors, holes, reversed, scanned })
 }
 
 /// What is known of a scan before it is laid out.
@@ -150,6 +167,7 @@ impl Source {
     fn report(self, laid_out: &Parameterized, diagonal: f64) -> InputReport {
         InputReport {
             file: self.name,
+            sha256: None,
             format: self.format.name(),
             points: self.points,
             triangles: self.triangles,

@@ -40,6 +40,7 @@ mod methods;
 mod options;
 mod orientation;
 mod output;
+mod page;
 mod parameters;
 mod paths;
 mod picture;
@@ -47,7 +48,9 @@ mod pieces;
 mod prepare;
 mod problem;
 mod report;
+mod scanned;
 mod solid;
+mod solid_output;
 mod tolerance;
 mod trim;
 mod units;
@@ -76,6 +79,7 @@ pub use options::{
 };
 pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};
+pub use page::{page_of, page_of_pieces, page_of_solid};
 pub use parameters::{
     HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
     parameterize, parameterize_file,
@@ -86,10 +90,12 @@ pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, SmoothedMore,
     layout_report,
 };
+pub use scanned::Scanned;
 pub use solid::{
     LayoutChoice, Sharp, Smoothness, SolidDistances, SolidFit, SolidLayoutReport, SolidOptions, SolidReason,
-    SolidReport, SolidVolume, check_solid_outputs, fit_solid_file, makes_solid, write_solid_outputs,
+    SolidReport, SolidVolume, fit_solid_file, makes_solid,
 };
+pub use solid_output::{check_solid_outputs, write_solid_outputs};
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 

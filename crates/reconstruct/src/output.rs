@@ -13,24 +13,25 @@ use serde::Serialize;
 
 use crate::mesh::{nearest_errors, tessellate};
 use crate::paths::identity;
-use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters};
+use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters, page_of, page_of_pieces};
 
 /// Where the results of one part go.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OutputPaths {
     /// Files, the format by extension.
     pub files: Vec<PathBuf>,
-    /// The report, if it is asked for.
-    pub report: Option<PathBuf>,
+    /// Reports: pages (`.html`), all others JSON.
+    pub reports: Vec<PathBuf>,
 }
 
 impl OutputPaths {
-    /// The outputs of an input: files as named; a directory gets `NAME.step`, `NAME.json` and `NAME.report.json`.
+    /// The outputs of an input: files as named; a directory gets `NAME.step`, `NAME.json`, `NAME.report.json` and, with `pages`,
+    /// `NAME.html`, the last two unless reports of their kind are named.
     ///
     /// # Errors
     /// [`Error::OutputFormat`].
-    pub fn of(input: &Path, outputs: &[PathBuf], report: Option<&Path>) -> Result<Self, Error> {
-        let mut paths = Self { files: Vec::new(), report: report.map(Path::to_owned) };
+    pub fn of(input: &Path, outputs: &[PathBuf], reports: &[PathBuf], pages: bool) -> Result<Self, Error> {
+        let mut paths = Self { files: Vec::new(), reports: reports.to_vec() };
         for output in outputs {
             if output.as_os_str() == "-" {
                 return Err(Error::OutputFormat { path: output.clone() });
@@ -44,7 +45,12 @@ impl OutputPaths {
                 };
                 paths.files.push(named(".step"));
                 paths.files.push(named(".json"));
-                paths.report.get_or_insert_with(|| named(".report.json"));
+                if paths.reports.iter().all(|path| is_page(path)) {
+                    paths.reports.push(named(".report.json"));
+                }
+                if pages && !paths.reports.iter().any(|path| is_page(path)) {
+                    paths.reports.push(named(".html"));
+                }
             } else if is_output_file(output) {
                 paths.files.push(output.clone());
             } else {
@@ -61,7 +67,7 @@ impl OutputPaths {
     /// # Errors
     /// [`Error::Write`] with the file.
     pub(crate) fn check_writable(&self) -> Result<(), Error> {
-        Ok(self.files.iter().chain(&self.report).try_for_each(|path| check_writable(path))?)
+        Ok(self.files.iter().chain(&self.reports).try_for_each(|path| check_writable(path))?)
     }
 }
 
@@ -89,6 +95,14 @@ fn is_output_file(path: &Path) -> bool {
 /// # Errors
 /// [`Error::Model`], [`Error::Write`], [`Error::Io`].
 pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
+    write_outputs_and_draw(fit, outputs).map(drop)
+}
+
+/// Pixels of the small picture of a part in the page of a batch.
+const THUMBNAIL: [usize; 2] = [180, 120];
+
+/// As [`write_outputs`]; returns a small picture, as PNG, if there is a page.
+pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result<Vec<u8>, Error> {
     for path in &outputs.files {
         make_parent(path)?;
         match ModelFormat::from_path(path) {
@@ -99,8 +113,28 @@ pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
             None => write_meshes(path, &[fit])?,
         }
     }
-    match &outputs.report {
-        Some(path) => write_report(path, &fit.report),
+    let mut picture = Vec::new();
+    for path in &outputs.reports {
+        if is_page(path) {
+            let page = page_of(fit)?;
+            write_text(path, &page.to_html())?;
+            picture = page.thumbnail(THUMBNAIL);
+        } else {
+            write_report(path, &fit.report)?;
+        }
+    }
+    Ok(picture)
+}
+
+/// Whether a report is a page to look at, by its name.
+pub(crate) fn is_page(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| ["html", "htm"].iter().any(|known| extension.eq_ignore_ascii_case(known)))
+}
+
+/// Refuses a page of what has none.
+pub(crate) fn check_no_page(report: Option<&Path>) -> Result<(), Error> {
+    match report.filter(|path| is_page(path)) {
+        Some(path) => Err(Error::NoPage { path: path.to_owned() }),
         None => Ok(()),
     }
 }
@@ -149,8 +183,14 @@ pub fn write_piece_outputs(
             }
         }
     }
-    if let Some(path) = &outputs.report {
-        write_report(path, &fits.report())?;
+    for path in &outputs.reports {
+        if !is_page(path) {
+            write_report(path, &fits.report())?;
+        } else if let Some(page) = page_of_pieces(fits)? {
+            write_text(path, &page.to_html())?;
+        } else {
+            continue;
+        }
         written.push(path.clone());
     }
     Ok(written)

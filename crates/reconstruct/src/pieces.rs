@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::clean::{Pieced, split};
 use crate::error::size_of_piece;
 use crate::parameters::STRAY_TRIANGLES;
+use crate::scanned::fingerprint;
 use crate::{Error, Event, Fit, FitOptions, Report, Verdict, Watch, fit_scan, units};
 
 /// The pieces of a scan, as far as they were fitted.
@@ -130,7 +131,12 @@ impl PieceFits {
 pub fn fit_pieces_file(path: &Path, options: &FitOptions, watch: &mut Watch<'_>) -> Result<PieceFits, Error> {
     let _ = watch(Event::Step("reading"));
     let scan = read_scan(path, &options.parameters.read)?;
-    fit_pieces(scan, &path.display().to_string(), options, watch)
+    let mut fits = fit_pieces(scan, &path.display().to_string(), options, watch)?;
+    let hash = fingerprint(path);
+    for fit in fits.pieces.iter_mut().filter_map(|piece| piece.fit.as_mut().ok()) {
+        fit.report.input.sha256.clone_from(&hash);
+    }
+    Ok(fits)
 }
 
 /// Fits every piece of what a file held; `name` stands in the reports. Pieces that are stray, together no more than 2 % of the

@@ -17,11 +17,16 @@ use crate::options::Method;
 use crate::orientation::NormalsReport;
 use crate::{DefaultTolerance, Error, FitOptions, ParameterOptions, ParameterReport, Parameterized, ReweightingReport};
 
+/// The program and its version.
+pub(crate) const PROGRAM: &str = concat!("thb ", env!("CARGO_PKG_VERSION"));
+
 /// Report of one fit. Keys are added by later versions, never renamed within a schema.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Version of this layout.
     pub schema: u32,
+    /// The program and its version.
+    pub program: &'static str,
     /// What was read.
     pub input: InputReport,
     /// How parameters were found, and how good they are.
@@ -87,6 +92,9 @@ pub fn layout_report<'a>(file: &Path, options: &'a ParameterOptions, laid_out: &
 pub struct InputReport {
     /// The file.
     pub file: String,
+    /// Its fingerprint, as `sha256sum` prints it; absent of what was not read from a file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
     /// Its format.
     pub format: &'static str,
     /// Points in the file.

@@ -24,6 +24,8 @@ BAND_TOLERANCES = 2.0
 # Distances to both sides of the band that add up to its width, but for this share of it, are those of a surface between
 # them.
 BETWEEN_SHARE = 0.1
+# Directions between the normals of two facets.
+FAN = 9
 # A band that is narrower than this share of the mean distance is none.
 SAME_SHARE = 1e-3
 
@@ -130,6 +132,50 @@ def boundary(points, triangles):
     ends, number, uses, _ = edges_of(merged.reshape(-1)[triangles])
     original = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     return points[original[uses[number] == 1]]
+
+
+def along_outline(points, triangles, count, inward):
+    """Places a little inside the outline and directions of places that have them as the nearest ones: `count` of them evenly along the
+    edges of one triangle only, moved by `inward` into that triangle, with its unit normal; and on edges of two triangles that end on
+    the outline, `inward` before their ends, with directions between the normals of both."""
+    _, merged = np.unique(points, axis=0, return_inverse=True)
+    ends, number, uses, _ = edges_of(merged.reshape(-1)[triangles])
+    sides = np.flatnonzero(uses[number] == 1)
+    if not len(sides):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    fans = fans_at_outline(points, triangles, ends, number, uses, merged.reshape(-1), inward)
+    ends = points[triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)[sides]]
+    normals = unit(doubled_normals(points, triangles[sides // 3]))
+    total = np.cumsum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+    at_length = (np.arange(count) + 0.5) / count * total[-1]
+    which = np.minimum(np.searchsorted(total, at_length, side="right"), len(sides) - 1)
+    start, along = ends[which, 0], ends[which, 1] - ends[which, 0]
+    length = np.linalg.norm(along, axis=1)
+    share = 1 - (total[which] - at_length) / np.maximum(length, 1e-300)
+    into = unit(np.cross(normals[which], along))
+    places = start + share[:, None] * along + inward * into
+    return np.concatenate([places, fans[0]]), np.concatenate([normals[which], fans[1]])
+
+
+def fans_at_outline(points, triangles, ends, number, uses, merged, inward):
+    """For edges of two triangles with an end on the outline: places `inward` before that end, and directions between the normals."""
+    on_outline = np.zeros(merged.max() + 1, dtype=bool)
+    on_outline[ends[uses[number] == 1].reshape(-1)] = True
+    order = np.argsort(number, kind="stable")
+    first = order[np.concatenate([[0], np.cumsum(uses)])[:-1][uses == 2]]
+    other = order[np.concatenate([[0], np.cumsum(uses)])[:-1][uses == 2] + 1]
+    normals = unit(doubled_normals(points, triangles))
+    corners = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)[first]
+    places, directions = [], []
+    for end in (0, 1):
+        here = on_outline[merged[corners[:, end]]]
+        at_end, away = points[corners[here, end]], points[corners[here, 1 - end]]
+        near = at_end + inward * unit(away - at_end)
+        one, two = normals[first[here] // 3], normals[other[here] // 3]
+        for share in np.linspace(0, 1, FAN):
+            places.append(near)
+            directions.append(unit((1 - share) * one + share * two))
+    return np.concatenate(places), np.concatenate(directions)
 
 
 def in_planes(triangles, normals):

@@ -26,13 +26,18 @@ COVERED_SPACINGS = 1.0
 # Farther than so many spacings from the nearest point the surface lies beyond the outline or over a hole.
 BEYOND_SPACINGS = 2.0
 # Triangles that may hold the farthest place, in which more places are taken, and how many in each.
-FARTHEST, AGAIN = 400, 60
+FARTHEST, AGAIN = 2000, 60
 # How near to the farthest place of each of these more are taken, as shares of the triangle, one after the other.
 NEARER = (0.2, 0.05, 0.01)
 # Change of the distance between scan and surface, per length, that is expected at most: they are all but parallel.
 SLOPE = 0.2
 # Points round a place, one of which may be the nearest close by.
 OTHERS = 12
+# Places along the outline of a scan, over which the surface may be farthest, and how often the place of the surface over each
+# is looked for.
+RIM_PLACES, RIM_STEPS = 20_000, 6
+# Cosine of the largest angle between these normals and the surface's.
+LEAST_ACROSS = 0.05
 # A place lies on an outline if it is that near to it, as a share of the diagonal.
 ON_OUTLINE = 1e-6
 
@@ -148,6 +153,20 @@ def climbed(corners, triangles, which, distances, at_vertices, judge, number, sl
     return np.concatenate(all_places), [np.concatenate(parts) for parts in zip(*found)]
 
 
+def over_outline(points, triangles, diagonal, to_surface, surface_normals):
+    """Places of a surface over the outline of a scan, a little inside it: on the normals of the outline's facets. Distances may grow
+    towards the outline up to there, in a strip narrower than samples lie apart."""
+    starts, normals = facets.along_outline(points, triangles, RIM_PLACES, 3 * ON_OUTLINE * diagonal)
+    places = starts
+    for _ in range(RIM_STEPS if len(starts) else 0):
+        _, which, near = to_surface(places)
+        # Where the normal meets the plane of the nearest triangle, unless they are all but parallel.
+        across = dot(normals, surface_normals[which])
+        across = np.where(np.abs(across) < LEAST_ACROSS, LEAST_ACROSS, across)
+        places = starts + (dot(near - starts, surface_normals[which]) / across)[:, None] * normals
+    return to_surface(places)[2] if len(starts) else starts
+
+
 def spacing_of(points):
     """Mean distance of each point to its six nearest neighbours."""
     apart, _ = cKDTree(points).query(points, k=NEIGHBOURS + 1)
@@ -243,7 +262,10 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
         surface.points, surface.triangles, which, of_samples, of_vertices, counted_there, 5, SLOPE, seed
     )
     found = [np.concatenate(pair) for pair in zip(found, further)]
-    places = np.concatenate([places, more_places])
+    over = over_outline(points, triangles, diagonal, to_surface, surface_normals)
+    if len(over):
+        found = [np.concatenate(pair) for pair in zip(found, from_surface(over))]
+    places = np.concatenate([places, more_places, over])
     distance, nearest_facet, inside, at_near, banded = found
     samples, extra = inside[:count], inside[count:]
     for kind, figures in ((banded, result), (distance, facet_figures)):
@@ -318,10 +340,11 @@ def judge_cloud(points, surface, tolerance, count, seed):
     weights = np.minimum(spacing, MOST_SPACING * np.median(spacing)) ** 2
     if not weights.any():
         weights = np.ones(len(points))
-    surface_normals = unit(facets.doubled_normals(surface.points, surface.triangles))
     distance, triangle, near = facets.searcher(surface.points, surface.triangles)(points)
+    at_near = facets.barycentric(surface.points, surface.triangles, triangle, near)
+    normals = unit(facets.at(surface.normals, surface.triangles, triangle, at_near))
     slack = 2 * surface.chord + ON_OUTLINE * diagonal
-    along, across = beyond_rim(points, distance, near, surface_normals[triangle], surface.rim, slack)
+    along, across = beyond_rim(points, distance, near, normals, surface.rim, slack)
     beyond = along > tolerance + spacing
     result = dict(
         scan_to_surface=statistics(across, points, tolerance, weights),

@@ -42,6 +42,8 @@ class Surface:
 
     points: np.ndarray
     triangles: np.ndarray
+    # Unit normals of the surface at the points; of one of the faces that meet there.
+    normals: np.ndarray
     # Number of the block of each triangle.
     blocks: np.ndarray
     # Segments along the free edges, (n, 2, 3).
@@ -65,18 +67,19 @@ def read_surface(path, chord, most_triangles):
     for face in faces:
         if not any(face.IsSame(other) for other in natural):
             points, triangles, error = trimmed_triangles(face, chord)
-            meshes.append((points, triangles, np.zeros(len(triangles), dtype=int)))
+            meshes.append((points, triangles, np.zeros(len(triangles), dtype=int), mean_normals(points, triangles)))
             reached = max(reached, error)
-    points, triangles, blocks, first_point, first_block = [], [], [], 0, 0
-    for some_points, some_triangles, some_blocks in meshes:
+    points, triangles, blocks, normals, first_point, first_block = [], [], [], [], 0, 0
+    for some_points, some_triangles, some_blocks, some_normals in meshes:
         points.append(some_points)
+        normals.append(some_normals)
         triangles.append(some_triangles + first_point)
         blocks.append(some_blocks + first_block)
         first_point += len(some_points)
         first_block += some_blocks.max() + 1
-    points, triangles, kept = welded(np.concatenate(points), np.concatenate(triangles))
-    blocks = np.concatenate(blocks)[kept]
-    return Surface(points, triangles, blocks, free_edges(faces, chord), reached, len(faces))
+    points, triangles, kept, first = welded(np.concatenate(points), np.concatenate(triangles))
+    blocks, normals = np.concatenate(blocks)[kept], np.concatenate(normals)[first]
+    return Surface(points, triangles, normals, blocks, free_edges(faces, chord), reached, len(faces))
 
 
 def is_reversed(face):
@@ -85,7 +88,8 @@ def is_reversed(face):
 
 
 def welded(points, triangles):
-    """Vertices at one place made one; triangles that have two corners there are left out."""
+    """Vertices at one place made one; triangles that have two corners there are left out. Points, triangles, which triangles are
+    kept, and which of the given points are."""
     low = points.min(axis=0)
     step = ROUND_OFF * max(np.linalg.norm(np.ptp(points, axis=0)), 1e-300)
     _, first, number = np.unique(
@@ -94,7 +98,7 @@ def welded(points, triangles):
     triangles = number.reshape(-1)[triangles]
     a, b, c = triangles.T
     kept = (a != b) & (b != c) & (c != a)
-    return points[first], np.ascontiguousarray(triangles[kept], dtype=np.int64), kept
+    return points[first], np.ascontiguousarray(triangles[kept], dtype=np.int64), kept, first
 
 
 def fills_rectangle(face):
@@ -256,7 +260,10 @@ def side_errors(grid):
 
 
 def grid_triangles(grids, turned):
-    """Points, triangles and blocks of grids of one size."""
+    """Points, triangles, blocks and normals of grids of one size."""
+    # Differences of second order on the sides, too: on the rim of the surface there is nothing beyond.
+    normals = np.cross(*(np.gradient(grids, axis=axis, edge_order=2) for axis in (1, 2)))
+    normals = (-normals if turned else normals) / np.maximum(np.linalg.norm(normals, axis=3, keepdims=True), 1e-300)
     cells, rows, columns = grids.shape[:3]
     i, j = (index.reshape(-1) for index in np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij"))
     corner = i * columns + j
@@ -267,7 +274,17 @@ def grid_triangles(grids, turned):
     block = np.repeat(i // BLOCK * across + j // BLOCK, 2)
     first = np.arange(cells)[:, None, None]
     triangles = (quad.reshape(-1, 3)[None] + first * rows * columns).reshape(-1, 3)
-    return grids.reshape(-1, 3), triangles, (block[None] + first[:, :, 0] * (block.max() + 1)).reshape(-1)
+    blocks = (block[None] + first[:, :, 0] * (block.max() + 1)).reshape(-1)
+    return grids.reshape(-1, 3), triangles, blocks, normals.reshape(-1, 3)
+
+
+def mean_normals(points, triangles):
+    """At each vertex the mean of the normals of its triangles."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    sums = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(sums, triangles[:, k], np.cross(b - a, c - a))
+    return sums / np.maximum(np.linalg.norm(sums, axis=1), 1e-300)[:, None]
 
 
 def trimmed_triangles(face, chord):

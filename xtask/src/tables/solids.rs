@@ -90,7 +90,7 @@ fn row(solids: &Solids<'_>, layout: &Path) -> Result<Vec<String>> {
     let clock = Clock::start();
     let fitted = reconstruct::fit_solid_file(&mesh, &options, &mut |_| ControlFlow::Continue(()));
     let written = fitted.and_then(|fit| {
-        reconstruct::write_solid_outputs(&fit, std::slice::from_ref(&step), None)?;
+        reconstruct::write_solid_outputs(&fit, std::slice::from_ref(&step), &[])?;
         Ok(fit)
     });
     let seconds = clock.seconds();

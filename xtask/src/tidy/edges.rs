@@ -3,7 +3,7 @@
 use cargo_metadata::{Dependency, Metadata};
 
 /// Each crate with the crates that may use it.
-const USED_BY: [(&str, &[&str]); 14] = [
+const USED_BY: [(&str, &[&str]); 15] = [
     (
         "thb-core",
         &[
@@ -31,6 +31,7 @@ const USED_BY: [(&str, &[&str]); 14] = [
     ("quad-layout", &["reconstruct"]),
     ("param-nn", &["reconstruct"]),
     ("deviation", &["reconstruct"]),
+    ("report-page", &["reconstruct"]),
     ("geom-io", &["reconstruct"]),
     ("reconstruct", &["cli"]),
     ("cli", &[]),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 /// Folders of the workspace that hold no sources; in a worktree of Git `.git` is a file.
-const SKIPPED: [&str; 4] = [".git", "target", "docs/book", "fuzz/target"];
+const SKIPPED: [&str; 5] = [".git", "target", "docs/book", "fuzz/target", "tests/page/node_modules"];
 
 /// Every clone pays for large files, for ever.
 const LARGEST: u64 = 2 << 20;

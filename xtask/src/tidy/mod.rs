@@ -2,6 +2,7 @@
 //!
 //! Every check returns findings, sentences that name file or crate and what to do; no findings, no complaint.
 
+mod bundle;
 mod circles;
 mod dependencies;
 mod edges;
@@ -27,6 +28,7 @@ pub fn check(root: &Path) -> Result<Vec<String>> {
     findings.extend(files::check(root)?);
     findings.extend(fixtures::check(root)?);
     findings.extend(circles::check(root)?);
+    findings.extend(bundle::check(root)?);
     Ok(findings)
 }
 

@@ -20,8 +20,9 @@ fn a_broken_part_does_not_stop_the_others() {
         assert_eq!(run.stdout, "");
         assert_eq!(run.stderr.lines().filter(|line| line.contains("broken.off")).count(), 1, "{run:?}");
         assert!(run.stderr.contains("broken.off") && run.stderr.contains("zero"), "{run:?}");
-        let written = ["a.json", "a.report.json", "a.step", "all.jsonl", "c.json", "c.report.json", "c.step"];
-        let mut expected: Vec<String> = written.iter().map(|name| format!("out/{name}")).collect();
+        let of_part = |part: &str| ["html", "json", "report.json", "step"].map(|end| format!("out/{part}.{end}"));
+        let mut expected = [of_part("a"), of_part("c")].concat();
+        expected.extend(["out/all.jsonl", "out/index.html"].map(str::to_owned));
         expected.extend(["a.off", "broken.off", "c.csv"].map(str::to_owned));
         expected.sort();
         assert_eq!(lab.files().into_iter().collect::<Vec<_>>(), expected);
@@ -36,7 +37,7 @@ fn a_broken_part_does_not_stop_the_others() {
             for key in ["dofs", "levels", "max", "rmse", "within", "tolerance", "stop", "reached"] {
                 assert_eq!(line[key], result[key], "{key}");
             }
-            assert_eq!(line["outputs"].as_array().unwrap().len(), 3);
+            assert_eq!(line["outputs"].as_array().unwrap().len(), 4);
         }
     }
 }

@@ -13,6 +13,7 @@ mod layouts;
 mod methods;
 mod models;
 mod normals;
+mod pages;
 mod pieces;
 mod results;
 mod reweighting;

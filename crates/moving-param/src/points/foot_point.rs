@@ -8,11 +8,12 @@ use thb_core::{BezierMap, ClosestPoints, HierarchicalSpace, ParameterBox, Spline
 
 use crate::Error;
 use crate::equations::{PointBlock, Spring};
+use crate::points::check::check;
 use crate::points::constraint::Constraints;
 use crate::points::descent::{Descent, DescentState, Local};
 use crate::points::patch::Patch;
 use crate::points::samples::Samples;
-use crate::points::vector::{MAX_DIM, Vector, difference, dot, point};
+use crate::points::vector::{Vector, difference, dot, point};
 use crate::safeguards::Parameters;
 
 /// Where the search for a foot point starts.
@@ -224,25 +225,6 @@ impl<const D: usize> WithSimd for Chunk<'_, D> {
         }
         report
     }
-}
-
-/// Checks that points and map fit together.
-pub(crate) fn check<const D: usize, S: ParameterBox<D>>(
-    map: &SplineMap<D, S>,
-    points: &SortedPoints<D>,
-) -> Result<(), Error> {
-    if points.dim() > MAX_DIM {
-        return Err(Error::Dimension { given: points.dim(), limit: MAX_DIM });
-    }
-    for (what, given, expected) in [
-        ("coordinates of the points", points.dim(), map.dim()),
-        ("cells the points are sorted for", points.offsets().len() - 1, map.space().n_cells()),
-    ] {
-        if given != expected {
-            return Err(Error::Shape { what, given, expected });
-        }
-    }
-    Ok(())
 }
 
 /// A point whose foot point is sought.

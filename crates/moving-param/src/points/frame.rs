@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use thb_core::{BezierMap, ParameterBox, SplineMap};
 
 use crate::Error;
-use crate::points::foot_point::check;
+use crate::points::check::check;
 use crate::points::patch::Patch;
 use crate::points::vector::{Vector, difference, dot, point};
 

@@ -1,5 +1,6 @@
 //! One point at a time: the map around it, its foot point, and where its parameter may go.
 
+pub(crate) mod check;
 pub(crate) mod constraint;
 pub(crate) mod descent;
 pub(crate) mod foot_point;

@@ -4,7 +4,7 @@ use thb_core::{CellSpace, HierarchicalSpace, ParameterBox, SplineMap};
 
 use crate::Error;
 use crate::safeguards::{Admission, CoefficientStep, Safeguard};
-use crate::terms::lost_area::{AreaSamples, Sheet};
+use crate::terms::area_samples::{AreaSamples, Sheet};
 
 /// What is kept, in turn, of the step of the functions around samples that still turn over.
 const KEPT: [f64; 6] = [0.5, 0.5, 0.0, 0.0, 0.0, 0.0];

@@ -1,5 +1,6 @@
 //! The terms of the objective, a file each.
 
+pub(crate) mod area_samples;
 #[cfg(test)]
 pub(crate) mod check;
 pub(crate) mod data;

@@ -105,15 +105,15 @@ impl<'a> Inference<'a> {
             (layer, self.part(&slots.bias))
         });
         let (bias, memory) = (self.part(&layout.interior.bias), &*memory);
-        let tile = |tile: usize, out: &mut [f32], (targets, means): &mut (Vec<f32>, Vec<f32>)| {
+        let tile = |tile: usize, out: &mut [f32], room: &mut [Vec<f32>; 2]| {
             let start = tile * TILE;
             for row in out.chunks_exact_mut(WIDTH) {
                 row.copy_from_slice(bias);
             }
             let points = &input.interior[3 * start..][..out.len() / WIDTH * 3];
-            interior.add(&input.interior_graph, start, points, &memory.interior_sources, targets, means, out);
+            interior.add(&input.interior_graph, start, points, &memory.interior_sources, room, out);
             if let Some((layer, bias)) = &boundary {
-                layer.add(&input.boundary_graph, start, points, &memory.boundary_sources, targets, means, out);
+                layer.add(&input.boundary_graph, start, points, &memory.boundary_sources, room, out);
                 for (i, row) in out.chunks_exact_mut(WIDTH).enumerate() {
                     // Without a message there is no mean, so no bias either.
                     if !input.boundary_graph.of(start + i).is_empty() {
@@ -278,15 +278,15 @@ impl<'a> MessageLayer<'a> {
         product(out, matrix(sources, inputs), matrix(&self.sources, WIDTH));
     }
 
-    /// Adds the mean messages to the rows of a tile, after the second linear map.
+    /// Adds the mean messages to the rows of a tile, after the second linear map. `targets` and `means` are
+    /// room for them.
     fn add(
         &self,
         graph: &Graph,
         start: usize,
         points: &[f32],
         sources: &[f32],
-        targets: &mut Vec<f32>,
-        means: &mut Vec<f32>,
+        [targets, means]: &mut [Vec<f32>; 2],
         out: &mut [f32],
     ) {
         targets.resize(out.len(), 0.0);

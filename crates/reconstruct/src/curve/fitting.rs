@@ -15,7 +15,7 @@ use point_cloud::BoundingBox;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, SplineMap};
 
 use super::choices::KnotChoice;
-use super::method::CurveMethod;
+use super::method::{CurveMethod, Goal};
 use super::options::CurveOptions;
 use super::report::{CurveInput, CurveIteration, CurveReport, CurveResult};
 use super::sequence::{self, Closing, Given, Sequence};
@@ -311,8 +311,8 @@ impl Problem<'_> {
         let moving = moving_options(&with_method, tolerance);
         // Of all points as many may be beyond the tolerance as of those of the sequence.
         let within = 1.0 - (1.0 - options.within) * m as f64 / all as f64;
-        let mut method =
-            CurveMethod::new(sequence, support, fitting, moving, options.mark.0, shortest, tolerance, within)?;
+        let goal = Goal { tolerance, within, marking: options.mark.0, shortest };
+        let mut method = CurveMethod::new(sequence, support, fitting, moving, goal)?;
         let adapts = options.knots == KnotChoice::Adaptive;
         let rules = adaptive::Options {
             tolerance,

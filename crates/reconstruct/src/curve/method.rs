@@ -11,6 +11,17 @@ use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, Mark, Refinement,
 use super::sequence::Sequence;
 use super::support::Support;
 
+/// What a fit is to reach, and by which steps.
+#[derive(Clone, Copy)]
+pub(super) struct Goal {
+    pub(super) tolerance: f64,
+    /// The share of the points that has to be within the tolerance.
+    pub(super) within: f64,
+    pub(super) marking: Marking,
+    /// No span gets shorter.
+    pub(super) shortest: f64,
+}
+
 /// A fit of a sequence in one space after the other.
 pub(super) struct CurveMethod<'a> {
     sequence: &'a Sequence,
@@ -24,12 +35,7 @@ pub(super) struct CurveMethod<'a> {
     moving: Option<MovingFit<1>>,
     /// At the present parameters.
     fixed: LeastSquares<1>,
-    marking: Marking,
-    tolerance: f64,
-    /// The share of the points that has to be within the tolerance.
-    within: f64,
-    /// No span gets shorter.
-    shortest: f64,
+    goal: Goal,
     /// Where each span would be divided, if it can be; of the map that was estimated last.
     places: Vec<Option<f64>>,
     /// The spans to divide, worst first.
@@ -44,10 +50,7 @@ impl<'a> CurveMethod<'a> {
         support: &'a Support,
         fitting: fit_ls::Options<1>,
         moving: Option<moving_param::Options>,
-        marking: Marking,
-        shortest: f64,
-        tolerance: f64,
-        within: f64,
+        goal: Goal,
     ) -> Result<Self, moving_param::Error> {
         let (parameters, points) = support.beside(sequence);
         let first = parameters.insert_axis(Axis(1));
@@ -56,22 +59,7 @@ impl<'a> CurveMethod<'a> {
             .map(|options| MovingFit::new(first.view(), points.view(), None, fitting.clone(), options))
             .transpose()?;
         let (places, marked, demanded) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self {
-            sequence,
-            support,
-            points,
-            first,
-            fitting,
-            moving,
-            fixed,
-            marking,
-            tolerance,
-            within,
-            shortest,
-            places,
-            marked,
-            demanded,
-        })
+        Ok(Self { sequence, support, points, first, fitting, moving, fixed, goal, places, marked, demanded })
     }
 
     /// The present parameters of the points of the sequence, in their order.
@@ -142,11 +130,12 @@ impl Solve<1> for CurveMethod<'_> {
             .map(|number| {
                 let cell = map.space().cell(number);
                 let inside = &parameters[offsets[number]..offsets[number + 1]];
-                dividing_place(cell.lower[0], cell.upper[0], inside, self.shortest)
+                dividing_place(cell.lower[0], cell.upper[0], inside, self.goal.shortest)
             })
             .collect();
         let estimate = Estimate { offsets, errors: &self.demanded, children: &[] };
-        let threshold = |errors: &[f64]| self.marking.threshold(errors, self.tolerance, self.within);
+        let Goal { tolerance, within, marking, .. } = self.goal;
+        let threshold = |errors: &[f64]| marking.threshold(errors, tolerance, within);
         self.marked = mark_divisible(estimate, &self.places, map.space().degree()[0], threshold);
         Ok(estimate)
     }

@@ -7,19 +7,20 @@ use geom_io::{ModelFormat, SvgOptions, WriteOptions, write_model};
 use super::fitting::CurveFit;
 use crate::Error;
 use crate::batch::check_overwriting;
-use crate::output::{OutputPaths, make_parent};
+use crate::output::{OutputPaths, check_no_page, make_parent};
 
 /// Checks, before anything is fitted, that outputs have formats of curves, and differ from the input and from each other.
 ///
 /// # Errors
-/// [`Error::CurveFormat`], [`Error::OutputIsInput`], [`Error::OutputTwice`].
+/// [`Error::CurveFormat`], [`Error::NoPage`], [`Error::OutputIsInput`], [`Error::OutputTwice`].
 pub fn check_curve_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Path>) -> Result<(), Error> {
     let unknown = |path: &&PathBuf| ModelFormat::from_path(path).is_none();
     if let Some(path) = outputs.iter().find(unknown) {
         return Err(Error::CurveFormat { path: path.clone() });
     }
-    let paths = OutputPaths { files: outputs.to_vec(), report: report.map(Path::to_owned) };
-    check_overwriting(&[input.to_owned()], &[paths], None).map(drop)
+    check_no_page(report)?;
+    let paths = OutputPaths { files: outputs.to_vec(), reports: report.map(Path::to_owned).into_iter().collect() };
+    check_overwriting(&[input.to_owned()], &[paths], []).map(drop)
 }
 
 /// Writes a curve by the extension of the file: `.step .stp .xml .json .dxf`, or a picture with points and knots `.svg`.

@@ -149,23 +149,7 @@ fn through_subset(
     let mut parameters = carried;
     spread_over_square(&mut parameters, closed);
     wrap(&mut parameters, closed);
-    let folded = |parameters: &Array2<f64>| {
-        let cut = unroll(&triangles, parameters.view(), closed);
-        map_quality(cut.vertices(points.view()).view(), &cut.triangles, cut.parameters.view())
-            .map(|quality| quality.folded.len())
-    };
-    let mut folds = folded(&parameters)?;
-    for elements in PROJECTIONS {
-        let _ = watch(Event::Step("moving the points onto a smooth surface"));
-        let moved = project(points.view(), &parameters, elements, closed)?;
-        let then = folded(&moved)?;
-        // A surface too coarse for the shape, or parameters too far off, tangle the points.
-        if then > folds + triangles.len() / FOLDED {
-            tracing::debug!(elements, then, folds, "projection undone");
-            break;
-        }
-        (parameters, folds) = (moved, then);
-    }
+    let parameters = smoothed(&points, parameters, &triangles, closed, watch)?;
     let rims = part.rims.iter().map(|rim| rim.iter().map(|&i| place(i)).collect()).collect();
     Ok(Layout {
         boundary: part.boundary.iter().map(|&i| place(i)).collect(),
@@ -190,6 +174,34 @@ fn through_subset(
         is_height_field: false,
         merged: part.merged,
     })
+}
+
+/// Parameters moved onto ever finer smooth surfaces, as long as the triangles do not tangle.
+fn smoothed(
+    points: &Array2<f64>,
+    mut parameters: Array2<f64>,
+    triangles: &[[u32; 3]],
+    closed: [bool; 2],
+    watch: &mut Watch<'_>,
+) -> Result<Array2<f64>, Error> {
+    let folded = |parameters: &Array2<f64>| {
+        let cut = unroll(triangles, parameters.view(), closed);
+        map_quality(cut.vertices(points.view()).view(), &cut.triangles, cut.parameters.view())
+            .map(|quality| quality.folded.len())
+    };
+    let mut folds = folded(&parameters)?;
+    for elements in PROJECTIONS {
+        let _ = watch(Event::Step("moving the points onto a smooth surface"));
+        let moved = project(points.view(), &parameters, elements, closed)?;
+        let then = folded(&moved)?;
+        // A surface too coarse for the shape, or parameters too far off, tangle the points.
+        if then > folds + triangles.len() / FOLDED {
+            tracing::debug!(elements, then, folds, "projection undone");
+            break;
+        }
+        (parameters, folds) = (moved, then);
+    }
+    Ok(parameters)
 }
 
 /// Parameters of the foot points on a smooth surface that is fitted to the points at their present ones.

@@ -2,7 +2,7 @@
 
 use quad_layout::{BuildOptions, CreaseRule, QuadLayout};
 
-use super::{Attempt, ELEMENTS, Part, Sharp};
+use super::{Attempt, ELEMENTS, Part, Sharp, SolidReason};
 use crate::{Error, Event, Watch};
 
 /// Radii of regions that are tried, as shares of the diagonal.
@@ -40,13 +40,21 @@ pub(super) fn best(part: &Part<'_>, watch: &mut Watch<'_>) -> Result<Attempt, Er
         };
         let mut elements = part.options.elements.unwrap_or(ELEMENTS);
         loop {
-            let attempt = part.attempt(&layout, elements, watch)?;
-            let (folds, is_reached) = (attempt.report.folded_places, attempt.report.reasons.is_empty());
+            let attempt = match part.attempt(&layout, elements, watch) {
+                Ok(attempt) => attempt,
+                Err(error) => {
+                    failure.get_or_insert(error);
+                    break;
+                }
+            };
+            let is_reached = attempt.report.reasons.is_empty();
+            // More elements bring a surface nearer, but undo no fold.
+            let is_only_far = attempt.report.reasons.iter().all(|why| matches!(why, SolidReason::NotWithin { .. }));
             if best.as_ref().is_none_or(|best| is_better(&attempt, best)) {
                 best = Some(attempt);
             }
             elements *= 2;
-            if is_reached || folds > 0 || part.options.elements.is_some() || elements > MOST_ELEMENTS {
+            if is_reached || !is_only_far || part.options.elements.is_some() || elements > MOST_ELEMENTS {
                 break;
             }
         }

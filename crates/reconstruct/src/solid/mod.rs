@@ -11,13 +11,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use deviation::CREASE_DEGREES;
-use geom_io::{StepOptions, read_layout, read_scan, write_solid};
+use geom_io::{read_layout, read_scan};
 use multi_patch::{Fitted, Surface};
 use quad_layout::{QuadLayout, RawPatch};
 use thb_core::MultiPatchSpace;
 
-use crate::output::make_parent;
-use crate::{Error, Event, Watch, units, write_report};
+use crate::{Error, Event, Watch, units};
 use mesh::SolidMesh;
 pub use options::{LayoutChoice, Sharp, Smoothness, SolidOptions};
 pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, SolidVolume};
@@ -27,6 +26,10 @@ pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, So
 pub struct SolidFit {
     /// The surface.
     pub surface: Surface,
+    /// The samples of the mesh that were fitted, at their foot points.
+    pub samples: multi_patch::Samples,
+    /// The distance of each from the surface.
+    pub distances: Vec<f64>,
     /// How good it is.
     pub report: SolidReport,
     /// Unit of its coordinates.
@@ -63,7 +66,8 @@ pub fn fit_solid_file(path: &Path, options: &SolidOptions, watch: &mut Watch<'_>
     };
     tried.report.seconds = start.elapsed().as_secs_f64();
     let reversed = (tried.report.volume.as_ref().is_some_and(|volume| volume.surface < 0.0)) != options.flip;
-    Ok(SolidFit { surface: tried.surface, report: tried.report, unit, reversed })
+    let Attempt { surface, samples, distances, report } = tried;
+    Ok(SolidFit { surface, samples, distances, report, unit, reversed })
 }
 
 /// Whether a fit is that of a whole part without being told so: of one file with a closed mesh, of which STEP files are made. Whoever
@@ -92,6 +96,8 @@ struct Part<'a> {
 /// A surface with its report.
 struct Attempt {
     surface: Surface,
+    samples: multi_patch::Samples,
+    distances: Vec<f64>,
     report: SolidReport,
 }
 
@@ -118,8 +124,8 @@ impl Part<'_> {
         let fitted = multi_patch::fit(&space, &sharp, samples, &fit_options)?;
         let _ = watch(Event::Step("measuring"));
         let report = report::measured(path, mesh, layout, &sharp, &fitted, options);
-        let Fitted { surface, .. } = fitted;
-        Ok(Attempt { surface, report })
+        let Fitted { surface, samples, distances, .. } = fitted;
+        Ok(Attempt { surface, samples, distances, report })
     }
 }
 
@@ -164,36 +170,4 @@ fn layout_of(path: &Path, mesh: &SolidMesh) -> Result<QuadLayout, Error> {
         return Ok(layout.moved(place));
     }
     Err(Error::ForeignLayout { path: path.to_owned(), layout: found, mesh: mesh.bounds })
-}
-
-/// Writes a surface of many faces into a STEP file, and its report into a file of its own, each complete or not at all.
-///
-/// # Errors
-/// [`Error::Model`], [`Error::Write`], [`Error::Io`].
-pub fn write_solid_outputs(fit: &SolidFit, outputs: &[std::path::PathBuf], report: Option<&Path>) -> Result<(), Error> {
-    for path in outputs {
-        make_parent(path)?;
-        write_solid(path, &fit.surface, fit.unit, &StepOptions { flip: fit.reversed, ..StepOptions::default() })?;
-    }
-    match report {
-        Some(path) => write_report(path, &fit.report),
-        None => Ok(()),
-    }
-}
-
-/// Refuses outputs of a surface of many faces that are no STEP files, before work is done for them.
-///
-/// # Errors
-/// [`Error::SolidFormat`], [`Error::Write`].
-pub fn check_solid_outputs(outputs: &[std::path::PathBuf], report: Option<&Path>) -> Result<(), Error> {
-    for path in outputs {
-        if geom_io::ModelFormat::from_path(path) != Some(geom_io::ModelFormat::Step) {
-            return Err(Error::SolidFormat { path: path.clone() });
-        }
-    }
-    for path in outputs.iter().map(std::path::PathBuf::as_path).chain(report) {
-        make_parent(path)?;
-        geom_io::check_writable(path)?;
-    }
-    Ok(())
 }

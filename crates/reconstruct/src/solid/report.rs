@@ -14,6 +14,11 @@ use thb_core::CellSpace;
 use super::SolidOptions;
 use super::mesh::SolidMesh;
 
+/// Angle in degrees between neighbouring faces along a smooth arc from which on one of them has turned over there.
+///
+/// Derived: half of 180°; where faces meet smoothly the angle is far below 10°.
+const TURNED_OVER: f64 = 90.0;
+
 /// Places in a cell and direction at which the surface is measured against the mesh.
 const PLACES: usize = 4;
 
@@ -120,6 +125,11 @@ pub enum SolidReason {
         /// Number of places.
         places: usize,
     },
+    /// A face has turned over at a smooth arc or at the end of one.
+    TurnedOver {
+        /// The largest angle between neighbouring faces, in degrees.
+        angle: f64,
+    },
 }
 
 impl fmt::Display for SolidReason {
@@ -137,6 +147,11 @@ impl fmt::Display for SolidReason {
                 f,
                 "{faces} faces fold, at {places} places: the corners of the layout's patches \
                 there may be too sharp or too flat"
+            ),
+            Self::TurnedOver { angle } => write!(
+                f,
+                "neighbouring faces that should meet smoothly meet at up to {angle:.0} degrees: one of them is turned over there; \
+                the corners of the layout's patches may be too sharp or too flat"
             ),
         }
     }
@@ -197,6 +212,10 @@ pub(super) fn measured(
     if !folded.is_empty() {
         reasons.push(SolidReason::Folded { faces: folded.len(), places: folded_places });
     }
+    let angles = angles(surface, sharp);
+    if angles.max >= TURNED_OVER {
+        reasons.push(SolidReason::TurnedOver { angle: angles.max });
+    }
     SolidReport {
         schema: 1,
         input: path.to_owned(),
@@ -208,7 +227,7 @@ pub(super) fn measured(
         tolerance,
         mesh_to_surface,
         surface_to_mesh,
-        angles: angles(surface, sharp),
+        angles,
         folded_faces: folded.into_iter().map(|(patch, _)| patch).collect(),
         folded_places,
         volume,

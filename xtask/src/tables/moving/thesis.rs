@@ -58,6 +58,24 @@ fn hybrid(gamma: f64) -> Distance {
     Distance::Hybrid(Blend::Constant(gamma))
 }
 
+/// The methods that are compared on the face of Nefertiti.
+fn methods_for_nefertiti() -> Vec<(&'static str, Option<Method>)> {
+    vec![
+        ("fixed", None),
+        ("A-PDM, 1", alternating(Distance::Point, 1)),
+        ("A-HDM, 1, γ = 1/3", alternating(hybrid(GAMMA[1]), 1)),
+        ("A-HDM, 5, γ = 1/3", alternating(hybrid(GAMMA[1]), 5)),
+        (
+            "J-PDM, η = 1e-5, K = 100",
+            Some(Method::JointLbfgs(Schedule::Constant { gradient: 1e-5, max_iterations: 100 })),
+        ),
+        ("joint", Some(Method::Joint(JointOptions::WITHOUT_SPRINGS))),
+        ("joint, 40 steps", Some(Method::Joint(PATIENT))),
+        ("joint, 40 steps, may fold", Some(Method::Joint(JointOptions { regularity: 0.0, ..PATIENT }))),
+        ("map, 10 × 10", Some(by_map(10))),
+    ]
+}
+
 impl Study {
     /// Makes all runs, given the folder with `thesis/`.
     pub(super) fn run(data: &Path, log: &mut dyn FnMut(&str)) -> Result<Self> {
@@ -130,24 +148,8 @@ impl Study {
             ],
         )?);
         // A mesh of one element, as many iterations as the text's curves have points.
-        let nefertiti = runs(
-            &file("nefertiti_up.xml")?,
-            &Settings { max_dofs: MOST, ..Settings::published([1, 1], 2.5e-3) },
-            vec![
-                ("fixed", None),
-                ("A-PDM, 1", alternating(Distance::Point, 1)),
-                ("A-HDM, 1, γ = 1/3", alternating(hybrid(GAMMA[1]), 1)),
-                ("A-HDM, 5, γ = 1/3", alternating(hybrid(GAMMA[1]), 5)),
-                (
-                    "J-PDM, η = 1e-5, K = 100",
-                    Some(Method::JointLbfgs(Schedule::Constant { gradient: 1e-5, max_iterations: 100 })),
-                ),
-                ("joint", Some(Method::Joint(JointOptions::WITHOUT_SPRINGS))),
-                ("joint, 40 steps", Some(Method::Joint(PATIENT))),
-                ("joint, 40 steps, may fold", Some(Method::Joint(JointOptions { regularity: 0.0, ..PATIENT }))),
-                ("map, 10 × 10", Some(by_map(10))),
-            ],
-        )?;
+        let settings = Settings { max_dofs: MOST, ..Settings::published([1, 1], 2.5e-3) };
+        let nefertiti = runs(&file("nefertiti_up.xml")?, &settings, methods_for_nefertiti())?;
         Ok(Self { weights, choices, alternating: alternating_runs, hull, nefertiti })
     }
 

@@ -10,7 +10,8 @@ pub(super) struct Kind {
 pub(super) const OWN_DOMAINS: [&str; 1] = ["deepdrawingC.xml"];
 
 /// Scans of a surface that passes through itself.
-pub(super) const CROSSING: [&str; 3] = ["thbs_face_grid.csv", "thbs_face_random.csv", "thbs_face_random.xyz"];
+pub(super) const CROSSING: [&str; 4] =
+    ["thbs_face_grid.csv", "thbs_face_random.csv", "thbs_face_random.xyz", "thesis/nefertiti_up.xml"];
 
 /// Every scan of one surface.
 pub(super) const KINDS: [Kind; 6] = [

@@ -158,7 +158,7 @@ fn fitted(file: &str, path: &Path, percent: f64, step: &Path, python: &Path, met
         result: Value::Null,
         measured: Value::Null,
     };
-    let outputs = OutputPaths { files: vec![step.to_owned()], report: None };
+    let outputs = OutputPaths { files: vec![step.to_owned()], reports: Vec::new() };
     let written = fit.and_then(|fit| {
         write_outputs(&fit, &outputs)?;
         Ok(fit)
@@ -326,8 +326,9 @@ with the surface of then.
 Exit code 0 promises: 94 % of the scan within (0.95 are asked for, 0.01 is the accuracy of the measure); of a mesh, 94 % of the
 surface inside the outline and not over holes; at most 1 % of the scan beyond the rim; a box of at most 1.05; no crossing; at
 most 0.1 % of the surface folded over (0.12 % by the meter, whose samples scatter by 0.01 %). What the scan does the surface may do:
-`thbs_face_*` are points of a surface that passes through itself (`thb compare thbs_face_3levels.xml thbs_face_grid.csv` shows it), so
-that their crossings are not counted as broken promises.
+`thbs_face_*` are points of a surface that passes through itself (`thb compare thbs_face_3levels.xml thbs_face_grid.csv` shows it), and
+so do the triangles that the given parameters of `nefertiti_up.xml` span over its points, so that their crossings are not counted as
+broken promises. Crossings that are shorter than half a tolerance all together count as none.
 
 Of a mesh of several pieces the largest is fitted and measured. `deepdrawingC.xml` brings parameters from -1 to 0.94 and is fitted with
 `--domain data`; `iea15_blade.xyz` is a cloud of three pieces, which is refused with the advice to fit them one by one.
