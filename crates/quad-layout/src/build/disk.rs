@@ -142,7 +142,7 @@ impl Disk {
             }
             Some(sums)
         };
-        let lengths: Vec<Vec<f64>> = sides.iter().map(|side| length(side)).collect::<Option<_>>()?;
+        let lengths: Vec<Vec<f64>> = sides.iter().map(length).collect::<Option<_>>()?;
         let whole: Vec<f64> = lengths.iter().map(|sums| sums[sums.len() - 1]).collect();
         let starts = turns(&whole);
         let mut pinned = Vec::new();
@@ -221,7 +221,9 @@ impl Disk {
         let mut energy = product(&residual, &z);
         let first = energy;
         for _ in 0..2 * n + 50 {
-            if !(energy > SOLVED * SOLVED * first) {
+            // Not a number is solved, too: nothing is left to go along.
+            let is_open = energy > SOLVED * SOLVED * first;
+            if !is_open {
                 break;
             }
             let image = apply(&way);

@@ -248,11 +248,10 @@ pub(super) fn runs(fan: &[(u32, usize)], label: &[u32]) -> Vec<(u32, Vec<u32>)> 
             _ => runs.push((of, vec![face])),
         }
     }
-    if runs.len() > 1 && runs[0].0 == runs[runs.len() - 1].0 {
-        if let Some((_, mut last)) = runs.pop() {
-            last.append(&mut runs[0].1);
-            runs[0].1 = last;
-        }
+    let closes = runs.len() > 1 && runs[0].0 == runs[runs.len() - 1].0;
+    if let Some((_, mut last)) = runs.pop_if(|_| closes) {
+        last.append(&mut runs[0].1);
+        runs[0].1 = last;
     }
     runs
 }
