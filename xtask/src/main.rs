@@ -474,7 +474,7 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
-    /// Whole parts on given layouts: a solid each, measured from its STEP file.
+    /// Whole parts, on layouts of our own and on given ones: a solid each, measured from its STEP file.
     Solids {
         /// A folder with meshes, `solids/NAME.off`, and layouts, `layouts/NAME_KIND.json.gz`; without it nothing is fitted.
         #[arg(long)]
@@ -482,7 +482,7 @@ enum Tables {
         /// A Python interpreter with the packages of tests/peers/requirements.txt.
         #[arg(long, value_name = "PROGRAM", default_value = "python3")]
         python: PathBuf,
-        /// Elements along each side of a patch.
+        /// Elements along each side of a patch of a given layout.
         #[arg(long, default_value_t = 4)]
         elements: usize,
         /// Weight of smooth joins.

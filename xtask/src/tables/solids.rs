@@ -1,4 +1,4 @@
-//! Whole parts on given layouts: every figure comes from the written STEP file, by tests/peers/check_solid.py.
+//! Whole parts, on layouts of our own and on given ones: every figure comes from the written STEP file, by tests/peers/check_solid.py.
 
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -51,33 +51,50 @@ const HEADER: [&str; 20] = [
     "ends with",
 ];
 
-/// The page: a row for each layout there is, failures included.
+/// The page: a row for each mesh and one for each layout there is, failures included.
 pub fn document(solids: &Solids<'_>, progress: &mut dyn FnMut(&str)) -> Result<String> {
-    let folder = solids.data.join("layouts");
-    let listed = std::fs::read_dir(&folder).with_context(|| format!("cannot read {}", folder.display()))?;
-    let mut layouts: Vec<PathBuf> = listed.filter_map(|entry| Some(entry.ok()?.path())).collect();
-    layouts.retain(|path| path.to_string_lossy().ends_with(".json.gz"));
-    layouts.sort();
     std::fs::create_dir_all(solids.out)?;
-    let mut rows = Vec::new();
-    for layout in &layouts {
-        let row = row(solids, layout)?;
-        progress(&row.join(" "));
-        rows.push(row);
-    }
+    let mut rows = |folder: &str, ending: &str, row: &dyn Fn(&Path) -> Result<Vec<String>>| -> Result<_> {
+        let mut rows = Vec::new();
+        for path in listed(&solids.data.join(folder), ending)? {
+            let row = row(&path)?;
+            progress(&row.join(" "));
+            rows.push(row);
+        }
+        Ok(rows)
+    };
+    let own = rows("solids", ".off", &|mesh| on_own_layout(solids, mesh))?;
+    let given = rows("layouts", ".json.gz", &|layout| on_given_layout(solids, layout))?;
     let mut text = String::new();
     let (elements, smoothness) = (solids.elements, solids.smoothness);
     writeln!(
         text,
-        "# Whole parts on given layouts\n\nDegree 3, {elements} × {elements} elements a patch, ω = {smoothness}; written by `cargo xtask \
-         tables solids`. Lengths are percentages of the diagonal, those of the mesh from the faces by area. A fold is a place of 25 in \
-         each element where the face looks the wrong way.\n"
+        "# Whole parts\n\nWritten by `cargo xtask tables solids`. Lengths are percentages of the diagonal, those of the mesh from the faces by \
+         area; its facets count as they are, so that a coarse mesh of something round is off by their heights. A fold is a place of 25 in each \
+         element where the face looks the wrong way. ω = {smoothness}.\n\n## On layouts of our own\n\nAs `thb fit MESH -o PART.step`.\n"
     )?;
-    text += &table(&HEADER, &rows);
+    text += &table(&HEADER, &own);
+    writeln!(text, "\n## On given layouts\n\nDegree 3, {elements} × {elements} elements a patch.\n")?;
+    text += &table(&HEADER, &given);
     Ok(text)
 }
 
-fn row(solids: &Solids<'_>, layout: &Path) -> Result<Vec<String>> {
+/// The files of a folder whose names end so, by name.
+fn listed(folder: &Path, ending: &str) -> Result<Vec<PathBuf>> {
+    let listed = std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut paths: Vec<PathBuf> = listed.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.retain(|path| path.to_string_lossy().ends_with(ending));
+    paths.sort();
+    Ok(paths)
+}
+
+fn on_own_layout(solids: &Solids<'_>, mesh: &Path) -> Result<Vec<String>> {
+    let options = SolidOptions { smoothness: Smoothness::Weight(solids.smoothness), ..SolidOptions::default() };
+    let name = mesh.file_stem().unwrap_or_default().to_string_lossy();
+    row(solids, &name, mesh, &options)
+}
+
+fn on_given_layout(solids: &Solids<'_>, layout: &Path) -> Result<Vec<String>> {
     let file = layout.file_name().unwrap_or_default().to_string_lossy();
     let name = file.trim_end_matches(".json.gz");
     let mesh = mesh_of(&solids.data.join("solids"), name.rsplit_once('_').map_or(name, |(mesh, _)| mesh))?;
@@ -86,9 +103,13 @@ fn row(solids: &Solids<'_>, layout: &Path) -> Result<Vec<String>> {
         smoothness: Smoothness::Weight(solids.smoothness),
         ..SolidOptions::of_layout(layout.to_owned())
     };
+    row(solids, name, &mesh, &options)
+}
+
+fn row(solids: &Solids<'_>, name: &str, mesh: &Path, options: &SolidOptions) -> Result<Vec<String>> {
     let step = solids.out.join(format!("{name}.step"));
     let clock = Clock::start();
-    let fitted = reconstruct::fit_solid_file(&mesh, &options, &mut |_| ControlFlow::Continue(()));
+    let fitted = reconstruct::fit_solid_file(mesh, options, &mut |_| ControlFlow::Continue(()));
     let written = fitted.and_then(|fit| {
         reconstruct::write_solid_outputs(&fit, std::slice::from_ref(&step), &[])?;
         Ok(fit)
@@ -103,7 +124,7 @@ fn row(solids: &Solids<'_>, layout: &Path) -> Result<Vec<String>> {
             return Ok(row);
         }
     };
-    let found = check(solids, &step, &mesh)?;
+    let found = check(solids, &step, mesh)?;
     let figure = |value: &Value, digits: usize| value.as_f64().map_or("?".to_owned(), |x| format!("{x:.digits$}"));
     let plain = |key: &str| found[key].to_string();
     let distances = &found["mesh_to_surface_%"];
