@@ -278,8 +278,8 @@ impl FitArgs {
         Some(SolidOptions {
             degree: alike(self.degree),
             elements: self.mesh.map(alike),
-            smoothness: self.solid.smoothness,
-            sharp: self.solid.sharp,
+            smoothness: self.solid.smoothness.unwrap_or(default.smoothness),
+            sharp: self.solid.sharp.unwrap_or(default.sharp),
             tol: if self.tol == Tolerance::Auto { default.tol } else { self.tol },
             within: self.within.unwrap_or(default.within),
             units: self.units,

@@ -87,6 +87,7 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
     if let Some(solid) = args.solid_options() {
         return fit_solid(args, &solid);
     }
+    args.solid.check_unused()?;
     let batch = BatchOptions {
         outputs: args.outputs.clone(),
         reports: args.reports.clone(),
@@ -149,7 +150,13 @@ fn fit_solid(args: &FitArgs, options: &SolidOptions) -> anyhow::Result<u8> {
     let fitted = reconstruct::fit_solid_file(input, options, &mut watch);
     let fitted = fitted.inspect(|fitted| progress.println(progress::solid_line(input, fitted)));
     progress.finish();
-    let fitted = fitted?;
+    let name = input.display().to_string();
+    let fitted = fitted.map_err(|error| {
+        // Errors of files name the file already.
+        let is_named = error.to_string().starts_with(&name);
+        let error = anyhow::Error::from(error);
+        if is_named { error } else { error.context(name) }
+    })?;
     reconstruct::write_solid_outputs(&fitted, &args.outputs, &args.reports)?;
     // On a terminal the line stands there already.
     if !fitted.reached() && !io::stderr().is_terminal() {

@@ -131,6 +131,26 @@ fn a_cube_keeps_its_edges() {
 }
 
 #[test]
+fn a_closed_mesh_becomes_a_solid_by_itself() {
+    let lab = lab(6, |p| p.map(|x| 10.0 * x));
+    lab.succeeds("fit part.off -o part.step --report part.json");
+    let report = lab.json("part.json");
+    let faces = report["layout"]["faces"].as_u64().unwrap() as usize;
+    let entities = ["MANIFOLD_SOLID_BREP", "CLOSED_SHELL", "ADVANCED_FACE"];
+    assert_eq!(entities.map(|entity| count(&lab, "part.step", entity)), [1, 1, faces]);
+    assert_eq!((&report["reasons"], &report["layout"]["genus"]), (&json!([]), &json!(0)));
+    assert!(report["layout"]["sharp_arcs"].as_u64().unwrap() >= 12, "{}", report["layout"]);
+    assert!((report["volume"]["surface"].as_f64().unwrap() - 8000.0).abs() < 1.0, "{}", report["volume"]);
+    lab.fails("fit part.off --layout one -o one.step", 1, &["part.off", "closed"]);
+}
+
+#[test]
+fn an_open_mesh_has_no_layout_of_our_own() {
+    let lab = lab(5, round);
+    lab.fails("fit part.off --layout patches -o part.step", 1, &["part.off", "open"]);
+}
+
+#[test]
 fn an_open_part_is_a_shell() {
     let lab = lab(5, round);
     lab.succeeds("fit part.off --layout layout.json -o part.step --report part.json");
@@ -188,7 +208,7 @@ fn what_goes_not_together_is_refused() {
         ("fit part.off part.off --layout layout.json -o part.step", 2, "one input"),
         ("fit part.off --layout layout.json --mesh 4x3 -o part.step", 2, "--mesh"),
         ("fit part.off --layout layout.json --degree 1 -o part.step", 2, "--degree"),
-        ("fit part.off --smoothness 3 -o part.step", 2, "--layout"),
+        ("fit part.off --layout one --smoothness 3 -o part.step", 2, "--layout"),
         ("fit part.off --layout layout.json --smoothness -1 -o part.step", 2, "smoothness"),
         ("fit part.off --layout foreign.json -o part.step", 1, "box"),
         ("fit part.off --layout cut.json -o part.step", 1, "cut.json"),

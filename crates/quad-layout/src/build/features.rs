@@ -5,7 +5,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use point_cloud::vec3::{cross, dot, norm};
 
 use super::mesh::WorkMesh;
-use crate::CreaseRule;
+
+/// Which edges of a mesh are creases.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CreaseRule {
+    /// Those sharper than 40°, if few edges have angles between those of smooth faces and those of creases; none otherwise.
+    Auto,
+    /// Those sharper than this, in degrees.
+    Angle(f64),
+    /// None.
+    Off,
+}
 
 /// Edges at which facets meet at more than this, in degrees, are creases if the mesh has any.
 const SHARP: f64 = 40.0;

@@ -25,20 +25,10 @@ mod straighten;
 use point_cloud::vec3::{add, norm, scale, sub};
 
 use crate::{LayoutError, QuadLayout, RawPatch};
+pub use features::CreaseRule;
 use mesh::WorkMesh;
 use patchwork::Patchwork;
 use plan::Plan;
-
-/// Which edges of a mesh are creases.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum CreaseRule {
-    /// Those sharper than 40°, if few edges have angles between those of smooth faces and those of creases; none otherwise.
-    Auto,
-    /// Those sharper than this, in degrees.
-    Angle(f64),
-    /// None.
-    Off,
-}
 
 /// How a layout is made.
 #[derive(Clone, Debug, PartialEq)]

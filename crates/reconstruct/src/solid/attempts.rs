@@ -2,7 +2,9 @@
 
 use quad_layout::{BuildOptions, CreaseRule, QuadLayout};
 
-use super::{Attempt, ELEMENTS, Part, Sharp, SolidReason};
+use super::options::Sharp;
+use super::part::{Attempt, ELEMENTS, Part};
+use super::report::SolidReason;
 use crate::{Error, Event, Watch};
 
 /// Radii of regions that are tried, as shares of the diagonal.

@@ -3,22 +3,21 @@
 mod attempts;
 mod mesh;
 mod options;
+mod part;
 mod report;
 mod sampling;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
-use deviation::CREASE_DEGREES;
 use geom_io::{read_layout, read_scan};
-use multi_patch::{Fitted, Surface};
+use multi_patch::Surface;
 use quad_layout::{QuadLayout, RawPatch};
-use thb_core::MultiPatchSpace;
 
 use crate::{Error, Event, Watch, units};
 use mesh::SolidMesh;
 pub use options::{LayoutChoice, Sharp, Smoothness, SolidOptions};
+use part::{Attempt, ELEMENTS, Part};
 pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, SolidVolume};
 
 /// A surface of many faces that was fitted to a whole part.
@@ -81,52 +80,6 @@ pub fn makes_solid(inputs: &[PathBuf], outputs: &[PathBuf], read: &geom_io::Read
     let Ok(scan) = read_scan(input, read) else { return false };
     let is_mesh = scan.triangles.is_some() && scan.cloud.points.ncols() == 3;
     is_mesh && SolidMesh::new(scan).is_ok_and(|mesh| mesh.is_closed())
-}
-
-/// Elements along each side of a patch, unless told.
-const ELEMENTS: usize = 4;
-
-/// What is fitted.
-struct Part<'a> {
-    path: &'a Path,
-    mesh: &'a SolidMesh,
-    options: &'a SolidOptions,
-}
-
-/// A surface with its report.
-struct Attempt {
-    surface: Surface,
-    samples: multi_patch::Samples,
-    distances: Vec<f64>,
-    report: SolidReport,
-}
-
-impl Part<'_> {
-    /// Fits the patches of a layout.
-    fn attempt(&self, layout: &QuadLayout, elements: usize, watch: &mut Watch<'_>) -> Result<Attempt, Error> {
-        let Self { path, mesh, options } = *self;
-        let sharp = match (options.sharp, layout.creases()) {
-            (_, Some(creases)) => creases.to_vec(),
-            (Sharp::Auto, None) => layout.sharp_arcs(CREASE_DEGREES),
-            (Sharp::Angle(degrees), None) => layout.sharp_arcs(degrees),
-            (Sharp::Off, None) => vec![false; layout.topology().arcs().len()],
-        };
-        let space = Arc::new(MultiPatchSpace::uniform(Arc::clone(layout.topology()), options.degree, elements)?);
-        let _ = watch(Event::Step("finding parameters"));
-        let samples = sampling::samples(mesh, layout, &sharp, &space);
-        let _ = watch(Event::Step("fitting"));
-        let fit_options = multi_patch::Options {
-            plates: options.plates,
-            smoothness: options.smoothness.weight(),
-            diagonal: mesh.diagonal,
-            ..multi_patch::Options::default()
-        };
-        let fitted = multi_patch::fit(&space, &sharp, samples, &fit_options)?;
-        let _ = watch(Event::Step("measuring"));
-        let report = report::measured(path, mesh, layout, &sharp, &fitted, options);
-        let Fitted { surface, samples, distances, .. } = fitted;
-        Ok(Attempt { surface, samples, distances, report })
-    }
 }
 
 /// Share of the diagonal by which the box of a layout may differ from that of the mesh: vertices were slid along the surface.
