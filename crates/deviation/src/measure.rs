@@ -432,14 +432,13 @@ impl<'a> Measured<'a> {
     }
 
     /// Calls `part` with the middle, the triangle, the barycentric coordinates and the area of each part of the surface, and once more,
-    /// without area, for the place that is farthest, if that is searched: `distance` is that of what `part` returned, `judge` tells besides
-    /// what it is at most within a reach.
+    /// without area, for the place that is farthest, if that is searched: `judges` tell the distance of what `part` returned and what it
+    /// is at most within a reach, the first one of all parts, the second one where the farthest place is looked for.
     fn parts<T: Send + Sync>(
         &self,
         tolerance: f64,
         part: &(dyn Fn([f64; 3], u32, [f64; 3], f64) -> T + Sync),
-        distance: &(dyn Fn(&T) -> f64 + Sync),
-        judge: &(dyn Fn(&T, f64) -> Judged + Sync),
+        judges: [Judge<'_, T>; 2],
         largest: Largest,
     ) -> Vec<T> {
         let corners = |t: usize| self.tessellation.corners(t);
@@ -452,11 +451,12 @@ impl<'a> Measured<'a> {
         let of_triangle = |t: usize| {
             let (corners, area) = (corners(t), area(t));
             let n = per_side(t);
+            let reach = radius(corners) / n as f64;
             let mut made = Vec::with_capacity(n * n);
             let mut known = f64::NEG_INFINITY;
             for_each_part(n, |weights| {
                 let found = part(point_at(corners, weights), t as u32, weights, area / (n * n) as f64);
-                known = known.max(distance(&found));
+                known = known.max(judges[0](&found, reach).distance);
                 made.push(found);
             });
             (made, known)
@@ -471,12 +471,12 @@ impl<'a> Measured<'a> {
         let open = |(t, of_one): (usize, &Vec<T>)| {
             let n = per_side(t);
             let reach = radius(corners(t)) / n as f64;
-            let all = pieces(t as u32, n, |k| judge(&of_one[k], reach));
+            let all = pieces(t as u32, n, |k| judges[0](&of_one[k], reach));
             all.into_iter().filter(|piece| piece.judged.most > worth).collect::<Vec<Piece>>()
         };
         let open: Vec<Vec<Piece>> = made.par_iter().enumerate().map(open).collect();
         let at = |t: u32, weights: [f64; 3]| part(point_at(corners(t as usize), weights), t, weights, 0.0);
-        let judge_at = |t: u32, weights: [f64; 3], reach: f64| judge(&at(t, weights), reach);
+        let judge_at = |t: u32, weights: [f64; 3], reach: f64| judges[1](&at(t, weights), reach);
         let highest = farthest(open.concat(), known, tolerance, &|t| radius(corners(t as usize)), &judge_at);
         made.into_iter().flatten().chain(highest.map(|(t, weights)| at(t, weights))).collect()
     }
@@ -522,12 +522,11 @@ impl<'a> Measured<'a> {
             }
         };
         let none = f64::NEG_INFINITY;
-        let distance = |found: &Found| if found.on_rim { none } else { found.band };
         let judge = |found: &Found, reach: f64| {
-            let most = if found.beyond > reach { none } else { found.band + reach * found.steepest };
-            Judged { distance: distance(found), most }
+            let distance = if found.on_rim { none } else { found.band };
+            Judged { distance, most: if found.beyond > reach { none } else { found.band + reach * found.steepest } }
         };
-        let found = self.parts(tolerance, &part, &distance, &judge, largest);
+        let found = self.parts(tolerance, &part, [&judge, &judge], largest);
         let area: f64 = found.iter().map(|f| f.area).sum();
         let inside: Vec<&Found> = found.iter().filter(|f| !f.on_rim).collect();
         let inner: f64 = inside.iter().map(|f| f.area).sum();
@@ -552,22 +551,29 @@ impl<'a> Measured<'a> {
         struct Found {
             place: [f64; 3],
             distance: f64,
+            nearest: u32,
             counted: f64,
             area: f64,
         }
         let part = |place: [f64; 3], _: u32, _: [f64; 3], area: f64| {
             let (distance, nearest) = cloud.tree.nearest(place);
             let counted = (distance - cloud.spacing[nearest as usize]).max(0.0);
-            Found { place, distance, counted, area }
+            Found { place, distance, nearest, counted, area }
         };
-        let judge = |found: &Found, reach: f64| {
-            // Within the reach another point may be the nearest, whose spacing is smaller; it is as near as the nearest may be there.
+        // Within the reach another point may be the nearest, whose spacing is smaller: probably a neighbour of the nearest one, certainly
+        // one as near as the nearest may be there.
+        let judged = |found: &Found, reach: f64, least_spacing: f64| Judged {
+            distance: found.counted,
+            most: found.distance + reach - least_spacing,
+        };
+        let probably = |found: &Found, reach: f64| judged(found, reach, cloud.least_spacing[found.nearest as usize]);
+        let certainly = |found: &Found, reach: f64| {
             let mut least = f64::INFINITY;
             let farthest = (found.distance + 2.0 * reach).next_up();
             cloud.tree.for_each_within(found.place, farthest, |k| least = least.min(cloud.spacing[k as usize]));
-            Judged { distance: found.counted, most: found.distance + reach - least }
+            judged(found, reach, least)
         };
-        let found = self.parts(tolerance, &part, &|found| found.counted, &judge, Largest::Searched);
+        let found = self.parts(tolerance, &part, [&probably, &certainly], Largest::Searched);
         let area: f64 = found.iter().map(|f| f.area).sum();
         // Where no point is within two spacings the surface spans a void or reaches beyond the outline.
         let is_beyond = |f: &&Found| f.counted > 0.5 * f.distance && f.counted > tolerance;
@@ -638,6 +644,9 @@ enum Largest {
     /// The one of those that are measured anyway.
     OfPlaces,
 }
+
+/// The distance of a place of which more is known, and what it is at most within a reach.
+type Judge<'a, T> = &'a (dyn Fn(&T, f64) -> Judged + Sync);
 
 /// The measures from the surface to the scan.
 struct SurfaceSide {

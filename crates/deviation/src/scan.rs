@@ -23,6 +23,11 @@ const PARTS_PER_SIDE: [usize; 2] = [2, 100];
 /// Derived: the definition of the weights of points (docs, "What counts").
 const MAX_SPACING: f64 = 3.0;
 
+/// Rings of neighbours round a point, one of which is the nearest to any place that the point is near to.
+///
+/// Limit: the largest distance is looked for where it may be (`tests/peers` measures it otherwise); each ring is a pass over the points.
+const RINGS: usize = 2;
+
 /// A scan: triangles where it has some, else points.
 pub struct Scan<'a> {
     pub(crate) points: &'a [[f64; 3]],
@@ -52,6 +57,8 @@ pub(crate) struct Cloud {
     pub(crate) tree: PointTree,
     /// Mean distance of each point to its neighbours.
     pub(crate) spacing: Vec<f64>,
+    /// The smallest spacing among the points round each point.
+    pub(crate) least_spacing: Vec<f64>,
     /// Weight of each point in shares and means: the square of its spacing, which is at most three medians.
     pub(crate) weights: Vec<f64>,
     /// Triangles over the points that are no scan, but tell which way it faces.
@@ -68,8 +75,21 @@ impl<'a> Scan<'a> {
     pub fn cloud(points: &'a [[f64; 3]]) -> Result<Self, CloudError> {
         let near = CloudTree::new(points)?;
         let neighbours = SPACING_NEIGHBOURS.min(points.len() - 1).max(1);
-        let spacing: Vec<f64> =
-            near.map_nearest(neighbours, |_, near| near.iter().map(|n| n.0).sum::<f64>() / near.len().max(1) as f64);
+        let around: Vec<(f64, [u32; SPACING_NEIGHBOURS])> = near.map_nearest(neighbours, |i, near| {
+            let mean = near.iter().map(|n| n.0).sum::<f64>() / near.len().max(1) as f64;
+            (mean, std::array::from_fn(|k| near.get(k).map_or(i as u32, |n| n.1)))
+        });
+        let spacing: Vec<f64> = around.iter().map(|a| a.0).collect();
+        let least_spacing = (0..RINGS).fold(spacing.clone(), |least, _| {
+            let mut next = least.clone();
+            for (i, (_, neighbours)) in around.iter().enumerate() {
+                for &j in neighbours {
+                    next[i] = next[i].min(least[j as usize]);
+                    next[j as usize] = next[j as usize].min(least[i]);
+                }
+            }
+            next
+        });
         let mut sorted = spacing.clone();
         let median = *sorted.select_nth_unstable_by(points.len() / 2, f64::total_cmp).1;
         let weights = spacing.iter().map(|s| s.min(MAX_SPACING * median).powi(2)).collect();
@@ -78,6 +98,7 @@ impl<'a> Scan<'a> {
             kind: Kind::Cloud(Box::new(Cloud {
                 tree: PointTree::new(points),
                 spacing,
+                least_spacing,
                 weights,
                 spanned: None,
                 neighbours_are_known: false,

@@ -43,7 +43,7 @@ fn check(command: Command) {
     let result = match command {
         Command::Fit(args) => match args.solid_options() {
             Some(options) => options.check(),
-            None => args.options().check(),
+            None => args.solid.check_unused().and_then(|()| args.options().check()),
         },
         Command::FitCurve(args) => args.options().check(),
         Command::Param(args) => args.layout.options().check(),

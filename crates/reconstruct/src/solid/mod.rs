@@ -70,11 +70,11 @@ pub fn fit_solid_file(path: &Path, options: &SolidOptions, watch: &mut Watch<'_>
 }
 
 /// Whether a fit is that of a whole part without being told so: of one file with a closed mesh, of which STEP files are made. Whoever
-/// reads a file next tells why it cannot be read.
+/// reads a file next tells why it cannot be read. What can be read only once, as standard input and pipes, is left alone.
 pub fn makes_solid(inputs: &[PathBuf], outputs: &[PathBuf], read: &geom_io::ReadOptions) -> bool {
     let is_step = |path: &PathBuf| geom_io::ModelFormat::from_path(path) == Some(geom_io::ModelFormat::Step);
     let [input] = inputs else { return false };
-    if outputs.is_empty() || !outputs.iter().all(is_step) {
+    if outputs.is_empty() || !outputs.iter().all(is_step) || !input.is_file() {
         return false;
     }
     let Ok(scan) = read_scan(input, read) else { return false };
