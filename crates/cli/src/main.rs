@@ -111,9 +111,8 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
     progress.finish();
     for result in &results {
         if let PartOutcome::Failed { error } = &result.outcome {
-            // Errors of files name the file already.
-            let name = result.input.display().to_string();
-            complain(&if error.starts_with(&name) { error.clone() } else { format!("{name}: {error}") });
+            let is_named = progress::names(&result.input, error);
+            complain(&if is_named { error.clone() } else { format!("{}: {error}", result.input.display()) });
         }
         if let PartOutcome::Fitted { reached, reasons, warnings, .. } = &result.outcome {
             // On a terminal the line stands there already.
@@ -150,12 +149,10 @@ fn fit_solid(args: &FitArgs, options: &SolidOptions) -> anyhow::Result<u8> {
     let fitted = reconstruct::fit_solid_file(input, options, &mut watch);
     let fitted = fitted.inspect(|fitted| progress.println(progress::solid_line(input, fitted)));
     progress.finish();
-    let name = input.display().to_string();
     let fitted = fitted.map_err(|error| {
-        // Errors of files name the file already.
-        let is_named = error.to_string().starts_with(&name);
+        let is_named = progress::names(input, &error.to_string());
         let error = anyhow::Error::from(error);
-        if is_named { error } else { error.context(name) }
+        if is_named { error } else { error.context(input.display().to_string()) }
     })?;
     reconstruct::write_solid_outputs(&fitted, &args.outputs, &args.reports)?;
     // On a terminal the line stands there already.

@@ -95,6 +95,11 @@ pub(crate) fn named(input: &Path, warning: &str) -> String {
     format!("{}: {warning}", name(input))
 }
 
+/// Whether an error names a file already, as errors of reading do.
+pub(crate) fn names(input: &Path, error: &str) -> bool {
+    error.starts_with(&input.display().to_string())
+}
+
 /// Why a surface is not good, and where.
 pub(crate) fn reason(input: &Path, reason: &Reason) -> String {
     let place = reason.place.map_or(String::new(), |[x, y, z]| format!(", worst at ({x:.6}, {y:.6}, {z:.6})"));

@@ -1,11 +1,11 @@
 //! Places where a surface passes through itself.
 
+use point_cloud::DisjointSets;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 use serde::Serialize;
 use thb_core::{ParameterBox, SplineMap};
 
 use crate::parts::point_at;
-use crate::sets::Sets;
 use crate::{Error, Tessellation};
 
 /// Triangles of a leaf of the tree of boxes.
@@ -426,7 +426,7 @@ impl Judge<'_> {
     /// Gathers pairs into connected places: pairs with a vertex in common belong together.
     fn gathered(&self, pairs: &[Pair]) -> Result<Vec<Crossing>, Error> {
         let tessellation = self.tessellation;
-        let mut sets = Sets::new(tessellation.vertices.len());
+        let mut sets = DisjointSets::new(tessellation.vertices.len());
         let first_vertex = |pair: &Pair| tessellation.triangles[pair.triangles[0] as usize][0];
         for pair in pairs {
             for v in pair.triangles.into_iter().flat_map(|t| tessellation.triangles[t as usize]) {

@@ -7,10 +7,10 @@
 
 use std::collections::HashMap;
 
+use point_cloud::DisjointSets;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
 
 use crate::parts::{point_at, radius};
-use crate::sets::Sets;
 
 /// Angle between facets, in degrees, from which on their common edge is sharp and normals aren't averaged across it.
 ///
@@ -174,7 +174,7 @@ fn facets_round_vertices(vertices: usize, triangles: &[[u32; 3]]) -> FacetsRound
 /// Which facets lie in one plane with at least [`PLANE_FACETS`] − 1 others that they are connected with.
 fn facets_in_planes(triangles: &[[u32; 3]], facets: &[[f64; 3]]) -> Vec<bool> {
     let flat = FLAT_DEGREES.to_radians().cos();
-    let mut groups = Sets::new(triangles.len());
+    let mut groups = DisjointSets::new(triangles.len());
     // An edge of three facets joins none of them.
     let mut at_edge: HashMap<(u32, u32), (usize, [usize; 2])> = HashMap::with_capacity(3 * triangles.len() / 2);
     for (t, triangle) in triangles.iter().enumerate() {

@@ -2,13 +2,12 @@
 //!
 //! A share of the scan within the tolerance doesn't tell whether the rest is spread evenly or is the mouth of a bust.
 
+use point_cloud::DisjointSets;
 use std::num::NonZero;
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use serde::Serialize;
-
-use crate::sets::Sets;
 
 /// Nodes that a patch has at least; fewer are single stray values.
 ///
@@ -74,7 +73,7 @@ impl Gathered {
                 near.iter().filter(|n| touches(n.item, n.distance)).map(|n| n.item).collect()
             })
             .collect();
-        let mut groups = Sets::new(nodes.len());
+        let mut groups = DisjointSets::new(nodes.len());
         for (i, others) in touching.iter().enumerate() {
             others.iter().for_each(|&j| groups.join(i as u32, j));
         }

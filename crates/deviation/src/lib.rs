@@ -17,7 +17,6 @@ mod measure;
 mod parts;
 mod scan;
 mod search;
-mod sets;
 mod tessellation;
 #[cfg(test)]
 mod testing;

@@ -1,14 +1,14 @@
 //! A surface against a scan.
 
 use ndarray::ArrayView2;
-use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
+use point_cloud::vec3::{add, cross, diagonal, dot, norm, scale, sub};
 use rayon::prelude::*;
 use serde::Serialize;
 use thb_core::SplineMap;
 
 use crate::gathered::Node;
 use crate::parts::{Judged, Piece, farthest, for_each_part, for_each_place, pieces, point_at, radius, worth_cutting};
-use crate::scan::{Cloud, Kind, Mesh, diagonal};
+use crate::scan::{Cloud, Kind, Mesh};
 use crate::search::{Foot, SurfaceSearch};
 use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, curvature_radii, self_crossings};
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use point_cloud::vec3::{dot, norm, sub};
+use point_cloud::vec3::{diagonal, dot};
 use point_cloud::{CloudError, CloudTree, PointTree, SPACING_NEIGHBOURS, TriangleTree};
 use rayon::prelude::*;
 
@@ -248,12 +248,3 @@ impl Mesh {
 ///
 /// Limit: round-off of the nearest point.
 const ON_SIDE: f64 = 1e-9;
-
-/// Diagonal of the bounding box.
-pub(crate) fn diagonal(points: &[[f64; 3]]) -> f64 {
-    let Some(&first) = points.first() else { return 0.0 };
-    let (lower, upper) = points.iter().fold((first, first), |(lower, upper), p| {
-        (std::array::from_fn(|k| lower[k].min(p[k])), std::array::from_fn(|k| upper[k].max(p[k])))
-    });
-    norm(sub(upper, lower))
-}

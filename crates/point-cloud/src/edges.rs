@@ -81,14 +81,24 @@ impl EdgeMap {
 }
 
 /// Disjoint sets over `0..n`; the smallest member stands for its set, so the result does not depend on the order of joins.
-pub(crate) struct DisjointSets(Vec<u32>);
+#[derive(Clone, Debug)]
+pub struct DisjointSets(Vec<u32>);
 
 impl DisjointSets {
-    pub(crate) fn new(n: usize) -> Self {
+    /// `n` sets of one member each.
+    pub fn new(n: usize) -> Self {
         Self((0..n as u32).collect())
     }
 
-    pub(crate) fn root(&mut self, mut i: u32) -> u32 {
+    /// One more member, in a set of its own.
+    pub fn add(&mut self) -> u32 {
+        let member = self.0.len() as u32;
+        self.0.push(member);
+        member
+    }
+
+    /// The member that stands for the set of another one.
+    pub fn root(&mut self, mut i: u32) -> u32 {
         while self.0[i as usize] != i {
             // Path halving.
             self.0[i as usize] = self.0[self.0[i as usize] as usize];
@@ -97,8 +107,23 @@ impl DisjointSets {
         i
     }
 
-    pub(crate) fn join(&mut self, a: u32, b: u32) {
+    /// Makes the sets of two members one.
+    pub fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joined_sets_have_one_representative() {
+        let mut sets = DisjointSets::new(6);
+        for (a, b) in [(4, 5), (1, 4), (0, 2)] {
+            sets.join(a, b);
+        }
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|k| sets.root(k)), [0, 1, 0, 3, 1, 1]);
     }
 }

@@ -64,7 +64,7 @@ pub use cloud::{GridShape, PointCloud, TriangleMesh};
 pub use corners::{CornerChoice, CornerParams, Corners, EDGES_PER_TANGENT, disk_corners, find_corners};
 pub use disk::{BoundaryLoop, DiskMesh};
 pub use duplicates::{Duplicates, merge_duplicate_points, merge_duplicate_vertices};
-pub use edges::{EdgeMap, HalfEdge};
+pub use edges::{DisjointSets, EdgeMap, HalfEdge};
 pub use error::CloudError;
 pub use far_values::{FarValues, robust_diagonal};
 pub use isolated::find_isolated;

@@ -48,6 +48,22 @@ pub fn unit(a: [f64; 3]) -> [f64; 3] {
     a.map(|x| x / length)
 }
 
+/// Lower and upper corner of the box around points; infinite, and turned over, without any.
+pub fn box_of(points: impl IntoIterator<Item = [f64; 3]>) -> [[f64; 3]; 2] {
+    points.into_iter().fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[lower, upper], p| {
+        [std::array::from_fn(|k| lower[k].min(p[k])), std::array::from_fn(|k| upper[k].max(p[k]))]
+    })
+}
+
+/// The diagonal of that box; 0 without points.
+pub fn diagonal(points: &[[f64; 3]]) -> f64 {
+    if points.is_empty() {
+        return 0.0;
+    }
+    let [lower, upper] = box_of(points.iter().copied());
+    norm(sub(upper, lower))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -12,6 +12,7 @@ use point_cloud::vec3::{add, scale};
 use point_cloud::{CornerChoice, DiskMesh, TriangleMesh};
 
 use crate::LayoutPatch;
+use crate::edge::edge;
 
 /// Number of triangles that are turned over or without area in the parameters.
 pub(crate) fn folded(patch: &LayoutPatch) -> usize {
@@ -55,7 +56,7 @@ pub(crate) fn map_anew(
 /// Halves each edge inside the patch that joins two vertices of one side.
 fn halve_cutting_edges(triangles: &mut Vec<[u32; 3]>, points: &mut Vec<[f64; 3]>, sides: &[Vec<u32>; 4]) {
     let on_rim: std::collections::BTreeSet<[u32; 2]> =
-        sides.iter().flat_map(|side| side.windows(2)).map(|pair| ordered(pair[0], pair[1])).collect();
+        sides.iter().flat_map(|side| side.windows(2)).map(|pair| edge(pair[0], pair[1])).collect();
     let mut sides_of: BTreeMap<u32, u8> = BTreeMap::new();
     for (number, side) in sides.iter().enumerate() {
         side.iter().for_each(|&vertex| *sides_of.entry(vertex).or_insert(0) |= 1 << number);
@@ -63,11 +64,11 @@ fn halve_cutting_edges(triangles: &mut Vec<[u32; 3]>, points: &mut Vec<[f64; 3]>
     let mut middle_of: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     for triangle in triangles.iter() {
         for k in 0..3 {
-            let edge = ordered(triangle[k], triangle[(k + 1) % 3]);
-            let [a, b] = edge.map(|vertex| sides_of.get(&vertex).copied().unwrap_or(0));
-            if a & b != 0 && !on_rim.contains(&edge) && !middle_of.contains_key(&edge) {
-                middle_of.insert(edge, points.len() as u32);
-                points.push(scale(0.5, add(points[edge[0] as usize], points[edge[1] as usize])));
+            let side = edge(triangle[k], triangle[(k + 1) % 3]);
+            let [a, b] = side.map(|vertex| sides_of.get(&vertex).copied().unwrap_or(0));
+            if a & b != 0 && !on_rim.contains(&side) && !middle_of.contains_key(&side) {
+                middle_of.insert(side, points.len() as u32);
+                points.push(scale(0.5, add(points[side[0] as usize], points[side[1] as usize])));
             }
         }
     }
@@ -75,16 +76,12 @@ fn halve_cutting_edges(triangles: &mut Vec<[u32; 3]>, points: &mut Vec<[f64; 3]>
     let mut stack: Vec<[u32; 3]> = triangles.iter().rev().copied().collect();
     while let Some([a, b, c]) = stack.pop() {
         let corners = [[a, b, c], [b, c, a], [c, a, b]];
-        match corners.into_iter().find_map(|[p, q, r]| middle_of.get(&ordered(p, q)).map(|&m| (p, q, r, m))) {
+        match corners.into_iter().find_map(|[p, q, r]| middle_of.get(&edge(p, q)).map(|&m| (p, q, r, m))) {
             Some((p, q, r, m)) => stack.extend([[m, q, r], [p, m, r]]),
             None => cut.push([a, b, c]),
         }
     }
     *triangles = cut;
-}
-
-fn ordered(a: u32, b: u32) -> [u32; 2] {
-    [a.min(b), a.max(b)]
 }
 
 #[cfg(test)]

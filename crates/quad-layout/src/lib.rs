@@ -11,6 +11,7 @@ mod build;
 #[cfg(test)]
 mod build_tests;
 mod creases;
+mod edge;
 mod error;
 mod injective;
 mod layout;

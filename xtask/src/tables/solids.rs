@@ -147,12 +147,9 @@ fn mesh_of(folder: &Path, name: &str) -> Result<PathBuf> {
     if exact.is_file() {
         return Ok(exact);
     }
-    let listed = std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
-    let mut like: Vec<PathBuf> = listed.filter_map(|entry| Some(entry.ok()?.path())).collect();
     let prefix = format!("{name}_");
-    like.retain(|path| path.file_name().is_some_and(|file| file.to_string_lossy().starts_with(&prefix)));
-    like.sort();
-    like.into_iter().next().with_context(|| format!("no mesh {name} in {}", folder.display()))
+    let is_like = |path: &PathBuf| path.file_name().is_some_and(|file| file.to_string_lossy().starts_with(&prefix));
+    listed(folder, "")?.into_iter().find(is_like).with_context(|| format!("no mesh {name} in {}", folder.display()))
 }
 
 /// The figures of the script. It ends with 1 where a solid is not good, but prints them all the same.

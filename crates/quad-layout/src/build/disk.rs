@@ -8,6 +8,8 @@ use std::f64::consts::TAU;
 
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
 
+use crate::edge::{edge, sides};
+
 /// Smallest and largest weight of an edge in the map.
 ///
 /// Limit: weights must be positive; cotangents of flat triangles are not.
@@ -38,10 +40,6 @@ pub(super) struct Disk {
     /// Number of vertices that it was made of.
     given: usize,
     local: BTreeMap<(usize, u32), u32>,
-}
-
-fn ordered(a: u32, b: u32) -> [u32; 2] {
-    [a.min(b), a.max(b)]
 }
 
 fn turn(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -159,7 +157,7 @@ impl Disk {
         }
         let n = pinned.len();
         (0..n).for_each(|i| {
-            self.walls.insert(ordered(pinned[i].0, pinned[(i + 1) % n].0));
+            self.walls.insert(edge(pinned[i].0, pinned[(i + 1) % n].0));
         });
         (self.blocked.len() == n).then_some(())
     }
@@ -167,11 +165,7 @@ impl Disk {
     /// Whether the rim is what is pinned, and the Euler number 1.
     fn is_disk(&self) -> bool {
         let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-        for [a, b, c] in &self.faces {
-            [ordered(*a, *b), ordered(*b, *c), ordered(*c, *a)]
-                .into_iter()
-                .for_each(|side| *uses.entry(side).or_default() += 1);
-        }
+        self.faces.iter().flat_map(|&face| sides(face)).for_each(|side| *uses.entry(side).or_default() += 1);
         let euler = self.ids.len() as isize - uses.len() as isize + self.faces.len() as isize;
         euler == 1
             && uses.values().all(|uses| *uses <= 2)
@@ -187,7 +181,7 @@ impl Disk {
                 let [p, q, r] = [a, b, c].map(|v| self.points[v as usize]);
                 let (x, y) = (sub(p, r), sub(q, r));
                 let cotangent = dot(x, y) / norm(cross(x, y)).max(f64::MIN_POSITIVE);
-                *weights.entry(ordered(a, b)).or_default() += 0.5 * cotangent.clamp(-1e3, 1e3);
+                *weights.entry(edge(a, b)).or_default() += 0.5 * cotangent.clamp(-1e3, 1e3);
             }
         }
         let n = self.ids.len();
@@ -310,7 +304,7 @@ impl Disk {
             path.push(now);
         }
         path.windows(2).for_each(|pair| {
-            self.walls.insert(ordered(pair[0], pair[1]));
+            self.walls.insert(edge(pair[0], pair[1]));
         });
         Some(path)
     }
@@ -325,7 +319,7 @@ impl Disk {
             let (p, q) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
             // Beside a wall, such as the rim, `to` may be near without being the next on the way.
             if p == to || q == to {
-                let is_wall = self.walls.contains(&ordered(now, to));
+                let is_wall = self.walls.contains(&edge(now, to));
                 if !(is_wall && is_first) {
                     return (!is_wall).then_some(to);
                 }
@@ -345,7 +339,7 @@ impl Disk {
                 return Some(end);
             }
         }
-        if self.walls.contains(&ordered(p, q)) {
+        if self.walls.contains(&edge(p, q)) {
             return None;
         }
         let least = snap.min(0.02);
@@ -362,8 +356,8 @@ impl Disk {
     /// Groups of faces that no line parts: of each face its group, and the number of groups.
     pub(super) fn groups(&self) -> (Vec<usize>, usize) {
         let mut beside: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
-        for (face, [a, b, c]) in self.faces.iter().enumerate() {
-            for side in [ordered(*a, *b), ordered(*b, *c), ordered(*c, *a)] {
+        for (face, &corners) in self.faces.iter().enumerate() {
+            for side in sides(corners) {
                 if !self.walls.contains(&side) {
                     beside.entry(side).or_default().push(face);
                 }
@@ -378,8 +372,7 @@ impl Disk {
             group[start] = count;
             let mut stack = vec![start];
             while let Some(face) = stack.pop() {
-                let [a, b, c] = self.faces[face];
-                for side in [ordered(a, b), ordered(b, c), ordered(c, a)] {
+                for side in sides(self.faces[face]) {
                     for &next in beside.get(&side).into_iter().flatten() {
                         if group[next] == usize::MAX {
                             group[next] = count;

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use point_cloud::vec3::{cross, dot, norm};
 
 use super::mesh::WorkMesh;
+use crate::edge::edge;
 
 /// Which edges of a mesh are creases.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,7 +57,7 @@ fn angles(mesh: &WorkMesh) -> BTreeMap<[u32; 2], f64> {
     let mut beside: BTreeMap<[u32; 2], Vec<[f64; 3]>> = BTreeMap::new();
     for (face, corners) in mesh.faces.iter().enumerate() {
         for k in 0..3 {
-            let side = super::mesh::edge(corners[k], corners[(k + 1) % 3]);
+            let side = edge(corners[k], corners[(k + 1) % 3]);
             beside.entry(side).or_default().push(mesh.area_vector(face));
         }
     }
@@ -99,7 +100,7 @@ fn without_short_ends(mesh: &WorkMesh, mut sharp: BTreeSet<[u32; 2]>) -> BTreeSe
             }
             let is_piece = at[&now].len() == 1;
             if length < if is_piece { SHORT_PIECE } else { SHORT_END } {
-                removed.extend(chain.into_iter().map(|[a, b]| super::mesh::edge(a, b)));
+                removed.extend(chain.into_iter().map(|[a, b]| edge(a, b)));
             }
         }
         if removed.is_empty() {

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use point_cloud::vec3::{cross, dot, norm, sub};
 
-use super::mesh::{WorkMesh, angle_at, edge};
+use super::mesh::{WorkMesh, angle_at};
+use crate::edge::{edge, sides};
 
 /// Passes over all edges. Limit: a pass leaves few edges to turn over.
 const PASSES: usize = 12;
@@ -67,8 +68,4 @@ impl WorkMesh {
         let is_flat = before.iter().all(|&n| norm(n) < 1e-9 * norm(mean) || is_near(mean, n));
         (is_flat && after.iter().all(|&n| is_near(mean, n))).then_some([[c, d, b], [d, c, a]])
     }
-}
-
-fn sides([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
-    [edge(a, b), edge(b, c), edge(c, a)]
 }

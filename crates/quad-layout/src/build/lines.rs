@@ -6,9 +6,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 
+use point_cloud::DisjointSets;
 use point_cloud::vec3::{add, scale, sub, unit};
 
 use super::mesh::{Neighbours, WorkMesh, angle_at};
+use crate::edge::edge;
 
 /// Turn of a crease, in radians, from which on its vertex is a corner, and the length of the directions on both sides of it.
 const CORNER_TURN: f64 = 0.87;
@@ -73,16 +75,10 @@ impl Line {
         ends
     }
 
-    /// One more crossing in the middle of an interval; whether there is room.
-    pub(super) fn cross_within(&mut self, mesh: &WorkMesh, interval: usize) -> bool {
-        let (ends, lengths) = (self.ends(), self.lengths(mesh));
-        let (a, b) = (ends[interval], ends[interval + 1]);
+    /// The place in the middle of an interval; none if it is one edge.
+    pub(super) fn middle(&self, lengths: &[f64], [a, b]: [usize; 2]) -> Option<usize> {
         let middle = 0.5 * (lengths[a] + lengths[b]);
-        let at = (a + 1..b).min_by(|&i, &j| (lengths[i] - middle).abs().total_cmp(&(lengths[j] - middle).abs()));
-        let Some(at) = at else { return false };
-        self.crossings.push(at);
-        self.crossings.sort_unstable();
-        true
+        (a + 1..b).min_by(|&i, &j| (lengths[i] - middle).abs().total_cmp(&(lengths[j] - middle).abs()))
     }
 }
 
@@ -127,8 +123,8 @@ impl Lines {
 
     /// The regions that begin along creases.
     pub(super) fn seeds(&self, mesh: &WorkMesh, neighbours: &Neighbours) -> Seeds {
-        let mut of_half_edge: BTreeMap<(u32, u32), usize> = BTreeMap::new();
-        let mut sets = Sets(Vec::new());
+        let mut of_half_edge: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+        let mut sets = DisjointSets::new(0);
         let mut crossings: BTreeSet<u32> = BTreeSet::new();
         for line in &self.lines {
             crossings.extend(line.crossings.iter().map(|&at| line.path[at]));
@@ -164,7 +160,7 @@ impl Lines {
                 groups.extend(sector.split(parts).into_iter().zip(&slots).map(|(faces, &slot)| (slot, faces)));
             }
         }
-        let mut number: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut number: BTreeMap<u32, usize> = BTreeMap::new();
         let mut faces: Vec<Vec<u32>> = Vec::new();
         for (slot, of) in groups {
             let next = faces.len();
@@ -216,9 +212,7 @@ impl Sector {
 /// The sectors round a vertex on creases.
 pub(super) fn sectors(mesh: &WorkMesh, neighbours: &Neighbours, vertex: u32) -> Vec<Sector> {
     let fan = mesh.fan(neighbours, vertex);
-    let begins = |&(face, k): &(u32, usize)| {
-        mesh.sharp.contains(&super::mesh::edge(vertex, mesh.faces[face as usize][(k + 1) % 3]))
-    };
+    let begins = |&(face, k): &(u32, usize)| mesh.sharp.contains(&edge(vertex, mesh.faces[face as usize][(k + 1) % 3]));
     let Some(first) = fan.iter().position(begins) else { return Vec::new() };
     let mut sectors: Vec<Sector> = Vec::new();
     for i in 0..fan.len() {
@@ -234,7 +228,7 @@ pub(super) fn sectors(mesh: &WorkMesh, neighbours: &Neighbours, vertex: u32) -> 
     sectors
 }
 
-fn slots_of(mesh: &WorkMesh, sector: &Sector, of: &BTreeMap<(u32, u32), usize>) -> Option<(usize, usize)> {
+fn slots_of(mesh: &WorkMesh, sector: &Sector, of: &BTreeMap<(u32, u32), u32>) -> Option<(u32, u32)> {
     let (first, last) = (sector.faces.first()?, sector.faces.last()?);
     let to = mesh.faces[first.0 as usize][(first.1 + 1) % 3];
     let from = mesh.faces[last.0 as usize][(last.1 + 2) % 3];
@@ -269,26 +263,4 @@ fn turning_corners(mesh: &WorkMesh, line: &Line) -> Vec<u32> {
         t > CORNER_TURN && turns.iter().all(|&(j, other)| !near(j) || (other, i) <= (t, j) || i == j)
     };
     turns.iter().filter(is_most).map(|&(i, _)| line.path[i]).collect()
-}
-
-/// Disjoint sets.
-struct Sets(Vec<usize>);
-
-impl Sets {
-    fn add(&mut self) -> usize {
-        self.0.push(self.0.len());
-        self.0.len() - 1
-    }
-
-    fn root(&self, mut at: usize) -> usize {
-        while self.0[at] != at {
-            at = self.0[at];
-        }
-        at
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b)] = a.min(b);
-    }
 }

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use point_cloud::vec3::{add, cross, norm, scale, sub, unit};
 
 use crate::LayoutError;
+use crate::edge::edge;
 
 /// A closed mesh in which edges can be sharp.
 #[derive(Clone, Debug, Default)]
@@ -13,11 +14,6 @@ pub(super) struct WorkMesh {
     pub(super) faces: Vec<[u32; 3]>,
     /// Edges that are creases, the smaller vertex first.
     pub(super) sharp: BTreeSet<[u32; 2]>,
-}
-
-/// An edge, the smaller vertex first.
-pub(super) fn edge(a: u32, b: u32) -> [u32; 2] {
-    [a.min(b), a.max(b)]
 }
 
 /// The face across each side of each face; side `k` runs from vertex `k` to vertex `k + 1`.

@@ -22,8 +22,9 @@ mod regions;
 mod rungs;
 mod straighten;
 
-use point_cloud::vec3::{add, norm, scale, sub};
+use point_cloud::vec3::{add, box_of, norm, scale, sub};
 
+use crate::edge::edge;
 use crate::{LayoutError, QuadLayout, RawPatch};
 pub use features::CreaseRule;
 use mesh::WorkMesh;
@@ -58,7 +59,7 @@ impl QuadLayout {
     /// [`LayoutError`]: for meshes that are open, of several pieces, or not the surface of anything; [`LayoutError::NotCut`] where
     /// no layout was found.
     pub fn of_mesh(points: &[[f64; 3]], triangles: &[[u32; 3]], options: &BuildOptions) -> Result<Self, LayoutError> {
-        let [lower, upper] = box_of(triangles.iter().flatten().filter_map(|&v| points.get(v as usize)));
+        let [lower, upper] = box_of(triangles.iter().flatten().filter_map(|&v| points.get(v as usize).copied()));
         let (centre, diagonal) = (scale(0.5, add(lower, upper)), norm(sub(upper, lower)));
         let placed = points.iter().map(|p| scale(1.0 / diagonal, sub(*p, centre))).collect();
         let mut mesh = WorkMesh::new(placed, triangles.to_vec())?;
@@ -108,14 +109,8 @@ fn finished((patches, work): (Vec<RawPatch>, Patchwork)) -> Result<QuadLayout, L
         .collect();
     let sharp = Plan::sharp_edges(&work);
     let mut layout = QuadLayout::new(work.points, patches)?;
-    let is_sharp = |path: &Vec<u32>| sharp.contains(&mesh::edge(path[0], path[1]));
+    let is_sharp = |path: &Vec<u32>| sharp.contains(&edge(path[0], path[1]));
     layout.creases = Some(layout.paths.iter().map(is_sharp).collect());
     layout.mapped_anew.clear();
     Ok(layout)
-}
-
-fn box_of<'a>(points: impl Iterator<Item = &'a [f64; 3]>) -> [[f64; 3]; 2] {
-    points.fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[lower, upper], p| {
-        [std::array::from_fn(|k| lower[k].min(p[k])), std::array::from_fn(|k| upper[k].max(p[k]))]
-    })
 }

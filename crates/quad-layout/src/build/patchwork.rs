@@ -4,9 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use point_cloud::vec3::{add, norm, scale, sub};
 
-use super::mesh::{WorkMesh, angle_at, edge};
+use super::mesh::{WorkMesh, angle_at};
 use super::regions::{Ground, Regions, runs};
 use crate::RawPatch;
+use crate::edge::edge;
 
 /// Edges of a border, at least.
 const EDGES: usize = 4;

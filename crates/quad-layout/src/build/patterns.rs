@@ -210,7 +210,7 @@ fn middle3(points: impl ExactSizeIterator<Item = [f64; 3]>) -> [f64; 3] {
 fn cost(angles: [f64; 4], lengths: [f64; 4]) -> f64 {
     let mut sum = PATCH;
     for angle in angles {
-        sum += ((angle - 0.5 * PI) / 1.0).powi(2);
+        sum += (angle - 0.5 * PI).powi(2);
         let beyond = (ANGLES[0] - angle).max(angle - ANGLES[1]);
         if beyond > 0.0 {
             sum += BROKEN * (1.0 + beyond);

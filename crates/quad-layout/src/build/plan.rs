@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 
 use super::choose::MOST_SIDES;
 use super::lines::{Lines, Seeds};
-use super::mesh::{Neighbours, WorkMesh, edge};
+use super::mesh::{Neighbours, WorkMesh};
 use super::patchwork::Patchwork;
 use super::refine::part_from_creases;
 use super::regions::{Ground, Regions};
 use super::rungs;
 use crate::LayoutError;
+use crate::edge::edge;
 
 /// Spacing of crossings along creases, in radii of regions.
 const SPACING: f64 = 1.5;
@@ -33,6 +34,8 @@ const LONG: f64 = 2.5;
 pub(super) struct Plan {
     mesh: WorkMesh,
     neighbours: Neighbours,
+    /// Smoothed normals of its faces.
+    normals: Vec<[f64; 3]>,
     lines: Lines,
     crossings: BTreeSet<u32>,
     /// Nodes on creases at which no arc need end.
@@ -52,10 +55,11 @@ impl Plan {
         let lines = Lines::trace(&mesh);
         let spacing = SPACING * radius;
         let crossings = rungs::crossings(&mesh, &neighbours, &lines, spacing);
-        let (nodes, single) = (BTreeSet::new(), Vec::new());
-        let mut plan = Self { mesh, neighbours, lines, crossings, nodes, spacing, spans_narrow, single, regions: None };
+        let (normals, nodes, single) = (Vec::new(), BTreeSet::new(), Vec::new());
+        let mut plan =
+            Self { mesh, neighbours, normals, lines, crossings, nodes, spacing, spans_narrow, single, regions: None };
         plan.split();
-        let ground = Ground::new(&plan.mesh, &plan.neighbours, SMOOTHING);
+        let ground = Ground::new(&plan.mesh, &plan.neighbours, &plan.normals);
         let seeds = plan.lines.seeds(&plan.mesh, &plan.neighbours);
         plan.single = ground.spread(&seeds.faces, radius);
         plan
@@ -63,7 +67,7 @@ impl Plan {
 
     /// Splits triangles along creases until there is room; seeds lose their places.
     fn split(&mut self) {
-        for _ in 0..SPLITS {
+        for round in 0..=SPLITS {
             self.neighbours = self.mesh.neighbours();
             self.lines = Lines::trace(&self.mesh);
             for line in &mut self.lines.lines {
@@ -87,12 +91,13 @@ impl Plan {
                     halved.insert(edge(corners[(k + 1) % 3], corners[(k + 2) % 3]));
                 }
             }
-            if halved.is_empty() {
-                return;
+            if halved.is_empty() || round == SPLITS {
+                break;
             }
             self.mesh.halve(&halved);
             part_from_creases(&mut self.mesh);
         }
+        self.normals = self.mesh.smooth_normals(&self.neighbours, SMOOTHING);
     }
 
     /// Regions that are all disks of three sides at least, as polygons.
@@ -103,7 +108,7 @@ impl Plan {
         let mut left = 0;
         for _ in 0..ROUNDS {
             let seeds = self.lines.seeds(&self.mesh, &self.neighbours);
-            let ground = Ground::new(&self.mesh, &self.neighbours, SMOOTHING);
+            let ground = Ground::new(&self.mesh, &self.neighbours, &self.normals);
             let mut regions = ground.grow(&seeds.faces, &self.single);
             ground.clean(&mut regions);
             let empty = Ground::empty(&regions);
@@ -149,7 +154,7 @@ impl Plan {
     pub(super) fn part(&mut self, of: &[u32]) -> Result<(), LayoutError> {
         let Some(regions) = self.regions.take() else { return Ok(()) };
         let seeds = self.lines.seeds(&self.mesh, &self.neighbours);
-        let ground = Ground::new(&self.mesh, &self.neighbours, SMOOTHING);
+        let ground = Ground::new(&self.mesh, &self.neighbours, &self.normals);
         let additions: Vec<Addition> =
             of.iter().filter_map(|&region| self.across(&ground, &seeds, &regions, region)).collect();
         let before = self.size();
@@ -175,16 +180,13 @@ impl Plan {
         let mut best: Option<(f64, Option<u32>)> = None;
         for line in &self.lines.lines {
             let lengths = line.lengths(&self.mesh);
-            for (interval, pair) in line.ends().windows(2).enumerate() {
+            for pair in line.ends().windows(2) {
                 let step = (line.path[pair[0]], line.path[pair[0] + 1]);
                 let is_beside = [step, (step.1, step.0)].iter().any(|s| seeds.of_half_edge.get(s) == Some(&region));
                 let length = lengths[pair[1]] - lengths[pair[0]];
                 if is_beside && best.is_none_or(|(longest, _)| length > longest) {
-                    let mut crossed = line.clone();
-                    let before = crossed.crossings.clone();
-                    let is_room = crossed.cross_within(&self.mesh, interval);
-                    let new = crossed.crossings.iter().find(|at| !before.contains(at));
-                    best = Some((length, new.filter(|_| is_room).map(|&at| line.path[at])));
+                    let middle = line.middle(&lengths, [pair[0], pair[1]]);
+                    best = Some((length, middle.map(|at| line.path[at])));
                 }
             }
         }
@@ -256,11 +258,7 @@ impl Plan {
 
     /// Splits triangles; single seeds go to the faces nearest to where they were.
     fn split_keeping_seeds(&mut self) {
-        let places: Vec<([f64; 3], [f64; 3])> = self
-            .single
-            .iter()
-            .map(|&face| (self.mesh.centre(face as usize), self.mesh.area_vector(face as usize)))
-            .collect();
+        let places: Vec<[f64; 3]> = self.single.iter().map(|&face| self.mesh.centre(face as usize)).collect();
         let before = self.mesh.faces.len();
         self.split();
         if self.mesh.faces.len() == before {
@@ -268,7 +266,7 @@ impl Plan {
         }
         let corners: Vec<[[f64; 3]; 3]> = (0..self.mesh.faces.len()).map(|face| self.mesh.corners(face)).collect();
         let tree = point_cloud::TriangleTree::new(&corners);
-        self.single = places.iter().map(|(place, _)| tree.nearest(*place).triangle).collect();
+        self.single = places.into_iter().map(|place| tree.nearest(place).triangle).collect();
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use super::mesh::{WorkMesh, edge};
+use super::mesh::WorkMesh;
+use crate::edge::sides;
 
 /// Triangles that a layout is drawn on, at least: arcs between patches follow edges first.
 ///
@@ -32,8 +33,8 @@ pub(super) fn refine(mesh: &mut WorkMesh) {
 
 /// Edges longer than a length that are the longest of both their faces. To halve others too would leave slivers slivers.
 fn longest_of_both(mesh: &WorkMesh, least: f64) -> BTreeSet<[u32; 2]> {
-    let longest = |&[a, b, c]: &[u32; 3]| {
-        let sides = [edge(a, b), edge(b, c), edge(c, a)].map(|side| (mesh.length(side[0], side[1]), side));
+    let longest = |&face: &[u32; 3]| {
+        let sides = sides(face).map(|side| (mesh.length(side[0], side[1]), side));
         sides.into_iter().reduce(|p, q| if (q.0, q.1) > (p.0, p.1) { q } else { p })
     };
     let mut found: Vec<[u32; 2]> =
@@ -42,24 +43,14 @@ fn longest_of_both(mesh: &WorkMesh, least: f64) -> BTreeSet<[u32; 2]> {
     found.chunk_by(|a, b| a == b).filter(|run| run.len() == 2).map(|run| run[0]).collect()
 }
 
-/// The edges for which something holds.
-pub(super) fn edges_where(mesh: &WorkMesh, holds: impl Fn(&WorkMesh, [u32; 2]) -> bool) -> BTreeSet<[u32; 2]> {
-    let sides = mesh.faces.iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]);
-    let mut found: Vec<[u32; 2]> = sides.filter(|&side| holds(mesh, side)).collect();
-    found.sort_unstable();
-    found.dedup();
-    found.into_iter().collect()
-}
-
 /// Splits until each face touches creases in a vertex or in one sharp edge and nowhere else.
 pub(super) fn part_from_creases(mesh: &mut WorkMesh) {
     let on_crease: BTreeSet<u32> = mesh.sharp.iter().flatten().copied().collect();
-    let bridges =
-        edges_where(mesh, |mesh, side| side.iter().all(|v| on_crease.contains(v)) && !mesh.sharp.contains(&side));
+    let is_bridge = |side: &[u32; 2]| side.iter().all(|v| on_crease.contains(v)) && !mesh.sharp.contains(side);
+    let bridges = mesh.faces.iter().flat_map(|&face| sides(face)).filter(is_bridge).collect();
     mesh.halve(&bridges);
     for face in 0..mesh.faces.len() {
-        let [a, b, c] = mesh.faces[face];
-        let sharp = [edge(a, b), edge(b, c), edge(c, a)].iter().filter(|side| mesh.sharp.contains(*side)).count();
+        let sharp = sides(mesh.faces[face]).iter().filter(|side| mesh.sharp.contains(*side)).count();
         if sharp > 1 {
             mesh.cut_at_centre(face);
         }

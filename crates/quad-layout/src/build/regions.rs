@@ -5,12 +5,13 @@ use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use point_cloud::vec3::{add, dot, norm, scale, sub, unit};
 
-use super::mesh::{Neighbours, WorkMesh, edge};
+use super::mesh::{Neighbours, WorkMesh};
+use crate::edge::edge;
 
 /// A difference of normals counts as much as this share of the diagonal: regions turn little.
 ///
 /// Limit: the middle of the range of an earlier prototype, 0.1 to 0.15; not calibrated yet.
-pub(super) const TURN_COUNTS: f64 = 0.12;
+const TURN_COUNTS: f64 = 0.12;
 
 /// Rounds in which seeds move to the middles of their regions.
 const ROUNDS: usize = 12;
@@ -27,7 +28,7 @@ pub(super) struct Ground<'a> {
     pub(super) mesh: &'a WorkMesh,
     pub(super) neighbours: &'a Neighbours,
     centres: Vec<[f64; 3]>,
-    normals: Vec<[f64; 3]>,
+    normals: &'a [[f64; 3]],
     areas: Vec<f64>,
     /// Sides of faces that are sharp.
     is_sharp: Vec<[bool; 3]>,
@@ -43,7 +44,7 @@ pub(super) struct Regions {
 }
 
 impl<'a> Ground<'a> {
-    pub(super) fn new(mesh: &'a WorkMesh, neighbours: &'a Neighbours, smoothing: usize) -> Self {
+    pub(super) fn new(mesh: &'a WorkMesh, neighbours: &'a Neighbours, normals: &'a [[f64; 3]]) -> Self {
         let faces = 0..mesh.faces.len();
         let sharp_sides = |face: usize| {
             let corners = mesh.faces[face];
@@ -55,7 +56,7 @@ impl<'a> Ground<'a> {
             mesh,
             neighbours,
             centres: faces.clone().map(|face| mesh.centre(face)).collect(),
-            normals: mesh.smooth_normals(neighbours, smoothing),
+            normals,
             areas: faces.clone().map(|face| mesh.area(face)).collect(),
             is_sharp: faces.map(sharp_sides).collect(),
             on_crease,
@@ -139,7 +140,7 @@ impl<'a> Ground<'a> {
     }
 
     /// Moves single seeds to the middles of their regions.
-    pub(super) fn settle(&self, from_creases: &[Vec<u32>], mut single: Vec<u32>, rounds: usize) -> Vec<u32> {
+    fn settle(&self, from_creases: &[Vec<u32>], mut single: Vec<u32>, rounds: usize) -> Vec<u32> {
         for _ in 0..rounds {
             let regions = self.grow(from_creases, &single);
             let mut sums = vec![([0.0; 3], [0.0; 3], 0.0); regions.count];

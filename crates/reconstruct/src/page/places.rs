@@ -1,10 +1,9 @@
 //! Places to look at.
 
-use point_cloud::vec3::{norm, sub};
+use point_cloud::vec3::{diagonal, norm, sub};
 use report_page::{Part, Place};
 
 use crate::Report;
-use crate::page::shape::diagonal;
 
 /// Places that are listed.
 const LISTED: usize = 20;

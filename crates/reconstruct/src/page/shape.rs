@@ -1,7 +1,7 @@
 //! Surfaces and scans as they are drawn.
 
 use deviation::{Measured, SignedDistance, Tessellation, tessellate};
-use point_cloud::vec3::{cross, dot, norm, scale, sub};
+use point_cloud::vec3::{cross, diagonal, dot, norm, scale, sub};
 use report_page::{Part, Scan, Surface};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap};
 
@@ -66,15 +66,6 @@ pub(super) fn surface_of(map: &SplineMap<2>, reversed: bool, chord: f64, most: u
         cells: cells(space),
         vertices: tessellation.vertices,
     })
-}
-
-/// The diagonal of the box around points; 0 without any.
-pub(super) fn diagonal(points: &[[f64; 3]]) -> f64 {
-    let Some(&first) = points.first() else { return 0.0 };
-    let [lower, upper] = points.iter().fold([first, first], |[lower, upper], p| {
-        [std::array::from_fn(|k| lower[k].min(p[k])), std::array::from_fn(|k| upper[k].max(p[k]))]
-    });
-    norm(sub(upper, lower))
 }
 
 /// The normal at each vertex; of vertices on several cells that of one of them.

@@ -2,8 +2,8 @@
 
 use deviation::CurvedTriangles;
 use geom_io::Scan;
-use point_cloud::vec3::{cross, dot, norm, sub};
-use point_cloud::{TriangleMesh, TriangleTree, merge_duplicate_vertices};
+use point_cloud::vec3::{box_of, cross, dot, norm, sub};
+use point_cloud::{EdgeMap, TriangleMesh, TriangleTree, merge_duplicate_vertices};
 
 use crate::Error;
 
@@ -17,22 +17,26 @@ pub(super) struct SolidMesh {
     pub(super) bounds: [[f64; 3]; 2],
 }
 
-/// Lower and upper corner of the box around points.
-pub(super) fn box_of(points: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 2] {
-    points.fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[lower, upper], p| {
-        [std::array::from_fn(|k| lower[k].min(p[k])), std::array::from_fn(|k| upper[k].max(p[k]))]
-    })
+/// The triangles of a scan, with vertices in one place made one.
+fn merged(scan: Scan) -> Result<TriangleMesh, Error> {
+    let Some(triangles) = scan.triangles else { return Err(Error::NoTriangles) };
+    let vertices = scan.cloud.points;
+    if vertices.ncols() != 3 {
+        return Err(Error::Coordinates { given: vertices.ncols() });
+    }
+    Ok(merge_duplicate_vertices(&TriangleMesh { vertices, triangles }).0)
+}
+
+/// Whether a scan has triangles, two at each edge.
+pub(super) fn is_closed_mesh(scan: Scan) -> bool {
+    let edges = merged(scan).ok().and_then(|mesh| EdgeMap::new(&mesh).ok());
+    edges.is_some_and(|edges| edges.iter().all(|edge| edge.len() == 2))
 }
 
 impl SolidMesh {
     /// Makes vertices in one place one, as formats without shared vertices need it, and indexes the triangles.
     pub(super) fn new(scan: Scan) -> Result<Self, Error> {
-        let Some(triangles) = scan.triangles else { return Err(Error::NoTriangles) };
-        let vertices = scan.cloud.points;
-        if vertices.ncols() != 3 {
-            return Err(Error::Coordinates { given: vertices.ncols() });
-        }
-        let (mesh, ..) = merge_duplicate_vertices(&TriangleMesh { vertices, triangles });
+        let mesh = merged(scan)?;
         let vertices: Vec<[f64; 3]> = mesh.vertices.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
         let curved = CurvedTriangles::new(vertices, mesh.triangles);
         let area = curved.areas().iter().sum();
@@ -56,14 +60,6 @@ impl SolidMesh {
         // A facet is looked at from above; from beside it nothing lies between.
         let beside = (nearest.squared_distance - height * height).max(0.0).sqrt();
         if is_between { beside } else { nearest.squared_distance.sqrt().min(to_curved) }
-    }
-
-    /// Whether every edge has two triangles.
-    pub(super) fn is_closed(&self) -> bool {
-        let sides = self.curved.triangles().iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
-        let mut sides: Vec<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
-        sides.sort_unstable();
-        sides.chunk_by(|a, b| a == b).all(|uses| uses.len() == 2)
     }
 
     /// The volume that the triangles enclose, if they are closed.

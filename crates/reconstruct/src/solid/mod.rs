@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use geom_io::{read_layout, read_scan};
 use multi_patch::Surface;
+use point_cloud::vec3::box_of;
 use quad_layout::{QuadLayout, RawPatch};
 
 use crate::{Error, Event, Watch, units};
@@ -77,9 +78,7 @@ pub fn makes_solid(inputs: &[PathBuf], outputs: &[PathBuf], read: &geom_io::Read
     if outputs.is_empty() || !outputs.iter().all(is_step) || !input.is_file() {
         return false;
     }
-    let Ok(scan) = read_scan(input, read) else { return false };
-    let is_mesh = scan.triangles.is_some() && scan.cloud.points.ncols() == 3;
-    is_mesh && SolidMesh::new(scan).is_ok_and(|mesh| mesh.is_closed())
+    read_scan(input, read).is_ok_and(mesh::is_closed_mesh)
 }
 
 /// Share of the diagonal by which the box of a layout may differ from that of the mesh: vertices were slid along the surface.
@@ -107,7 +106,7 @@ fn layout_of(path: &Path, mesh: &SolidMesh) -> Result<QuadLayout, Error> {
     }
     let layout = QuadLayout::new(file.vertices, patches)?;
     let used = layout.patches().iter().flat_map(|patch| &patch.vertices);
-    let found = mesh::box_of(used.map(|&vertex| layout.vertices()[vertex as usize]));
+    let found = box_of(used.map(|&vertex| layout.vertices()[vertex as usize]));
     let [lower, upper] = mesh.bounds;
     let unit = mesh.diagonal;
     let centre: [f64; 3] = std::array::from_fn(|k| 0.5 * (lower[k] + upper[k]));
