@@ -27,7 +27,7 @@ impl SymmetricPattern {
     }
 
     /// Which pairs of `n` functions share one of several groups, each increasing.
-    fn of_groups<'a>(n: usize, count: usize, functions_of: impl Fn(usize) -> &'a [u32]) -> Self {
+    pub fn of_groups<'a>(n: usize, count: usize, functions_of: impl Fn(usize) -> &'a [u32]) -> Self {
         // Groups of each function, then for each function the union of the larger functions of its groups.
         let mut starts = vec![0_usize; n + 1];
         for group in 0..count {

@@ -19,7 +19,7 @@ const USED_BY: [(&str, &[&str]); 15] = [
         ],
     ),
     ("adaptive", &["fit-ls", "fit-qi", "moving-param", "reconstruct"]),
-    ("fit-ls", &["fit-qi", "moving-param", "multi-patch", "reconstruct"]),
+    ("fit-ls", &["fit-qi", "moving-param", "multi-patch", "quad-layout", "reconstruct"]),
     ("fit-qi", &["moving-param", "reconstruct"]),
     ("moving-param", &["reconstruct"]),
     ("multi-patch", &["reconstruct"]),

@@ -6,6 +6,9 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
+use rayon::prelude::*;
+
+use super::disk::Disk;
 use super::patchwork::{Patchwork, Side};
 use super::patterns::{Cut, Polygon};
 
@@ -22,22 +25,27 @@ const TEMPERATURES: [f64; 2] = [20.0, 0.05];
 /// Limit: 2¹⁰ patterns.
 pub(super) const MOST_SIDES: usize = 10;
 
-/// Which borders are halved, and how each polygon, with the middles of these, is cut.
+/// What a region costs that is no disk, and cannot be cut.
+const NO_DISK: f64 = 1e6;
+
+/// How each polygon is cut; its vertices are numbered with the middles of all its borders.
 #[derive(Debug)]
 pub(super) struct Choice {
-    pub(super) halved: Vec<bool>,
     pub(super) cuts: Vec<Cut>,
 }
 
 struct Search<'a> {
     work: &'a Patchwork,
-    angles: Vec<Vec<f64>>,
+    /// Of each region that is a disk, with the middles of all its borders.
+    polygons: Vec<Option<Polygon>>,
     known: Vec<BTreeMap<u64, (f64, Cut)>>,
 }
 
 /// Chooses.
 pub(super) fn choose(work: &Patchwork) -> Choice {
-    let mut search = Search { work, angles: work.angles(), known: vec![BTreeMap::new(); work.polygons.len()] };
+    let angles = work.angles();
+    let polygons = (0..work.polygons.len()).into_par_iter().map(|region| polygon(work, region, &angles[region])).collect();
+    let mut search = Search { work, polygons, known: vec![BTreeMap::new(); work.polygons.len()] };
     let walks = walks(work);
     let regions_of = |walk: &Vec<usize>| -> Vec<usize> {
         let regions: BTreeSet<usize> = walk.iter().flat_map(|&border| work.borders[border].sides).collect();
@@ -69,7 +77,7 @@ pub(super) fn choose(work: &Patchwork) -> Choice {
     }
     let halved = best.1;
     let cuts = (0..work.polygons.len()).map(|region| search.pattern(region, &halved).1).collect();
-    Choice { halved, cuts }
+    Choice { cuts }
 }
 
 impl Search<'_> {
@@ -83,7 +91,12 @@ impl Search<'_> {
         if let Some(found) = self.known[region].get(&mask) {
             return found.clone();
         }
-        let found = polygon_of(self.work, polygon, &self.angles[region], halved).best();
+        let middle = |i: usize| halved[polygon[i].border].then_some(2 * i + 1);
+        let kept: Vec<usize> = (0..polygon.len()).flat_map(|i| [Some(2 * i), middle(i)]).flatten().collect();
+        let found = match &self.polygons[region] {
+            Some(whole) => whole.best_of(&kept),
+            None => (NO_DISK, Cut::default()),
+        };
         self.known[region].insert(mask, found.clone());
         found
     }
@@ -102,16 +115,13 @@ pub(super) fn middle(work: &Patchwork, path: &[u32]) -> usize {
     best.1
 }
 
-/// The sides of a region, halved ones as two.
-pub(super) fn sides(work: &Patchwork, polygon: &[Side], halved: &[bool]) -> Vec<Vec<u32>> {
+/// The sides of a region, each as two halves.
+pub(super) fn all_halved(work: &Patchwork, polygon: &[Side]) -> Vec<Vec<u32>> {
     let mut sides = Vec::new();
     for &side in polygon {
         let path = &work.borders[side.border].path;
-        let mut parts = vec![path.clone()];
-        if halved[side.border] {
-            let at = middle(work, path);
-            parts = vec![path[..=at].to_vec(), path[at..].to_vec()];
-        }
+        let at = middle(work, path);
+        let mut parts = vec![path[..=at].to_vec(), path[at..].to_vec()];
         if side.reversed {
             parts.reverse();
             parts.iter_mut().for_each(|part| part.reverse());
@@ -121,19 +131,11 @@ pub(super) fn sides(work: &Patchwork, polygon: &[Side], halved: &[bool]) -> Vec<
     sides
 }
 
-fn polygon_of(work: &Patchwork, polygon: &[Side], angles: &[f64], halved: &[bool]) -> Polygon {
-    let sides = sides(work, polygon, halved);
-    let lengths: Vec<f64> = sides.iter().map(|side| work.length(side)).collect();
-    let mut all = Vec::with_capacity(sides.len());
-    for (&side, &angle) in polygon.iter().zip(angles) {
-        all.push(angle);
-        if halved[side.border] {
-            all.push(std::f64::consts::PI);
-        }
-    }
-    let uv = super::disk::turns(&lengths).into_iter().map(|turn| [turn.cos(), turn.sin()]).collect();
-    let points = sides.iter().map(|side| work.points[side[0] as usize]).collect();
-    Polygon { uv, points, angles: all, lengths }
+/// A region with the middles of its borders; none if it is no disk.
+fn polygon(work: &Patchwork, region: usize, angles: &[f64]) -> Option<Polygon> {
+    let sides = all_halved(work, &work.polygons[region]);
+    let angles: Vec<f64> = angles.iter().flat_map(|&angle| [angle, std::f64::consts::PI]).collect();
+    Polygon::new(&Disk::new(&work.points, &work.faces[region], &sides)?, &sides, &angles)
 }
 
 /// Closed walks from region to region, as the borders they cross: round each node, and with each border beside a tree of regions.

@@ -6,7 +6,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 
+use fit_ls::Cholesky;
+use ndarray::Array2;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
+use thb_core::{SymmetricMatrix, SymmetricPattern};
 
 use crate::edge::{edge, sides};
 
@@ -14,9 +17,6 @@ use crate::edge::{edge, sides};
 ///
 /// Limit: weights must be positive; cotangents of flat triangles are not.
 const WEIGHTS: [f64; 2] = [0.05, 20.0];
-
-/// Residual, as a share of the first, at which the map is solved, and most iterations per unknown.
-const SOLVED: f64 = 1e-12;
 
 /// How near, as a share of an edge, a line goes through its end instead, in the first try, in the second and in the third.
 pub(super) const SNAPS: [f64; 3] = [0.15, 0.01, 1e-7];
@@ -121,7 +121,7 @@ impl Disk {
         };
         disk.pin(sides)?;
         disk.is_disk().then_some(())?;
-        disk.solve();
+        disk.solve()?;
         disk.is_one_to_one().then_some(disk)
     }
 
@@ -172,8 +172,8 @@ impl Disk {
             && uses.iter().all(|(side, uses)| (*uses == 1) == self.walls.contains(side))
     }
 
-    /// Free vertices to the weighted means of their neighbours, by conjugate gradients.
-    fn solve(&mut self) {
+    /// Free vertices to the weighted means of their neighbours.
+    fn solve(&mut self) -> Option<()> {
         let mut weights: BTreeMap<[u32; 2], f64> = BTreeMap::new();
         for &face in &self.faces {
             for k in 0..3 {
@@ -184,52 +184,51 @@ impl Disk {
                 *weights.entry(edge(a, b)).or_default() += 0.5 * cotangent.clamp(-1e3, 1e3);
             }
         }
-        let n = self.ids.len();
-        let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];
-        for ([a, b], weight) in weights {
-            let weight = weight.clamp(WEIGHTS[0], WEIGHTS[1]);
-            rows[a as usize].push((b, weight));
-            rows[b as usize].push((a, weight));
-        }
-        let is_free: Vec<bool> = (0..n as u32).map(|v| !self.blocked.contains(&v)).collect();
-        for d in 0..2 {
-            self.solve_coordinate(&rows, &is_free, d);
-        }
+        self.balance(weights.into_iter().map(|(ends, weight)| (ends, weight.clamp(WEIGHTS[0], WEIGHTS[1]))))
     }
 
-    fn solve_coordinate(&mut self, rows: &[Vec<(u32, f64)>], is_free: &[bool], d: usize) {
-        let n = rows.len();
-        let diagonal: Vec<f64> = rows.iter().map(|row| row.iter().map(|(_, w)| w).sum()).collect();
-        // Of free vertices only; what is pinned counts as `fixed` says.
-        let apply = |x: &[f64]| -> Vec<f64> {
-            let row = |v: usize| diagonal[v] * x[v] - rows[v].iter().map(|(o, w)| w * x[*o as usize]).sum::<f64>();
-            (0..n).map(|v| if is_free[v] { row(v) } else { 0.0 }).collect()
-        };
-        let product = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-        let mut x: Vec<f64> = self.uv.iter().map(|uv| uv[d]).collect();
-        let mut residual: Vec<f64> = apply(&x).iter().map(|r| -r).collect();
-        let scaled =
-            |r: &[f64]| -> Vec<f64> { (0..n).map(|v| if is_free[v] { r[v] / diagonal[v] } else { 0.0 }).collect() };
-        let mut z = scaled(&residual);
-        let mut way = z.clone();
-        let mut energy = product(&residual, &z);
-        let first = energy;
-        for _ in 0..2 * n + 50 {
-            // Not a number is solved, too: nothing is left to go along.
-            let is_open = energy > SOLVED * SOLVED * first;
-            if !is_open {
-                break;
-            }
-            let image = apply(&way);
-            let step = energy / product(&way, &image);
-            x.iter_mut().zip(&way).for_each(|(x, w)| *x += step * w);
-            residual.iter_mut().zip(&image).for_each(|(r, i)| *r -= step * i);
-            z = scaled(&residual);
-            let next = product(&residual, &z);
-            way.iter_mut().zip(&z).for_each(|(w, z)| *w = z + next / energy * *w);
-            energy = next;
+    /// Moves free vertices to where the springs along edges are at rest.
+    fn balance(&mut self, springs: impl Iterator<Item = ([u32; 2], f64)>) -> Option<()> {
+        let mut free = Vec::new();
+        let mut row = vec![None; self.ids.len()];
+        for vertex in (0..self.ids.len() as u32).filter(|v| !self.blocked.contains(v)) {
+            row[vertex as usize] = Some(free.len() as u32);
+            free.push(vertex);
         }
-        self.uv.iter_mut().zip(x).for_each(|(uv, x)| uv[d] = x);
+        if free.is_empty() {
+            return Some(());
+        }
+        let mut right = Array2::zeros((free.len(), 2));
+        let mut groups: Vec<Vec<u32>> = Vec::new();
+        let mut stiffness: Vec<f64> = Vec::new();
+        for ([a, b], weight) in springs {
+            match (row[a as usize], row[b as usize]) {
+                (Some(i), Some(j)) => {
+                    groups.push(vec![i.min(j), i.max(j)]);
+                    stiffness.push(weight);
+                }
+                (Some(i), None) | (None, Some(i)) => {
+                    let held = self.uv[if row[a as usize].is_none() { a } else { b } as usize];
+                    (0..2).for_each(|d| right[[i as usize, d]] += weight * held[d]);
+                    groups.push(vec![i]);
+                    stiffness.push(weight);
+                }
+                (None, None) => {}
+            }
+        }
+        let pattern = SymmetricPattern::of_groups(free.len(), groups.len(), |group| &groups[group]);
+        let mut matrix = SymmetricMatrix::zeros(&pattern);
+        for (group, &k) in groups.iter().zip(&stiffness) {
+            let spring = [k, -k, -k, k];
+            matrix.add_cell(group, if group.len() == 1 { &spring[..1] } else { &spring });
+        }
+        let mut solver = Cholesky::new(&pattern).ok()?;
+        solver.factorize(&matrix).ok()?;
+        let solution = solver.solve(&right).ok()?;
+        for (row, &vertex) in free.iter().enumerate() {
+            self.uv[vertex as usize] = [solution[[row, 0]], solution[[row, 1]]];
+        }
+        Some(())
     }
 
     fn is_one_to_one(&self) -> bool {
@@ -404,5 +403,60 @@ impl Disk {
     /// A path in numbers of the whole.
     pub(super) fn whole(&self, path: &[u32]) -> Vec<u32> {
         path.iter().map(|&v| self.ids[v as usize]).collect()
+    }
+}
+
+/// Follows straight lines of the map without cutting.
+pub(super) struct Tracer<'a> {
+    disk: &'a Disk,
+    /// The face to the left of each half-edge, with its third vertex.
+    left: BTreeMap<(u32, u32), u32>,
+    /// The other two vertices of the faces at each vertex of the rim, counter-clockwise.
+    at: BTreeMap<u32, Vec<[u32; 2]>>,
+}
+
+impl<'a> Tracer<'a> {
+    pub(super) fn new(disk: &'a Disk) -> Self {
+        let mut left = BTreeMap::new();
+        let mut at: BTreeMap<u32, Vec<[u32; 2]>> = BTreeMap::new();
+        for &face in &disk.faces {
+            for k in 0..3 {
+                let [a, b, c] = [0, 1, 2].map(|i| face[(k + i) % 3]);
+                left.insert((a, b), c);
+                if disk.blocked.contains(&a) {
+                    at.entry(a).or_default().push([b, c]);
+                }
+            }
+        }
+        Self { disk, left, at }
+    }
+
+    /// The line between two vertices of the rim, in space.
+    pub(super) fn line(&self, from: u32, to: u32) -> Option<Vec<[f64; 3]>> {
+        let (uv, points) = (&self.disk.uv, &self.disk.points);
+        let start = uv[from as usize];
+        let way = minus(uv[to as usize], start);
+        let off = |v: u32| turn(way, minus(uv[v as usize], start));
+        let ends = [points[from as usize], points[to as usize]];
+        let beside = self.at.get(&from)?;
+        if beside.iter().any(|pair| pair.contains(&to)) {
+            return Some(ends.to_vec());
+        }
+        let clear = |pair: &[u32; 2]| (-off(pair[0])).min(off(pair[1]));
+        let ahead = |pair: &&[u32; 2]| off(pair[1]) > off(pair[0]);
+        let &[mut right, mut left] = beside.iter().filter(ahead).max_by(|a, b| clear(a).total_cmp(&clear(b)))?;
+        let mut line = vec![ends[0]];
+        for _ in 0..self.disk.faces.len() {
+            let (r, l) = (off(right).abs(), off(left).abs());
+            let [p, q] = [right, left].map(|v| points[v as usize]);
+            line.push(add(p, scale(r / (r + l).max(f64::MIN_POSITIVE), sub(q, p))));
+            let third = *self.left.get(&(left, right))?;
+            if third == to {
+                line.push(ends[1]);
+                return Some(line);
+            }
+            *(if off(third) > 0.0 { &mut left } else { &mut right }) = third;
+        }
+        None
     }
 }

@@ -17,6 +17,7 @@ mod patches;
 mod patchwork;
 mod patterns;
 mod plan;
+mod recut;
 mod refine;
 mod regions;
 mod rungs;
@@ -51,6 +52,12 @@ impl Default for BuildOptions {
 /// Limit: each takes as long as the first.
 const ROUNDS: usize = 4;
 
+/// Rounds in which patches are cut anew, and their borders drawn straight.
+const RECUTS: usize = 3;
+
+/// Longest side of a patch, in radii of regions.
+const LONGEST: f64 = 1.6;
+
 impl QuadLayout {
     /// Cuts a closed mesh into patches of four sides: creases lie on arcs, and no smooth vertex has two patches. Vertices in one place
     /// must be one. The result does not depend on the number of threads.
@@ -69,7 +76,7 @@ impl QuadLayout {
         let mut failure = LayoutError::NoMesh;
         for (spans_narrow, mesh) in tries {
             match cut(Plan::new(mesh, options.radius, spans_narrow)) {
-                Ok(cut) => return Ok(finished(cut)?.moved(|p| add(centre, scale(diagonal, p)))),
+                Ok(cut) => return Ok(finished(cut, options.radius)?.moved(|p| add(centre, scale(diagonal, p)))),
                 Err(error) => failure = error,
             }
         }
@@ -97,10 +104,14 @@ fn cut(mut plan: Plan) -> Result<(Vec<RawPatch>, Patchwork), LayoutError> {
 }
 
 /// The layout of patches that were drawn anew as regions are.
-fn finished((patches, work): (Vec<RawPatch>, Patchwork)) -> Result<QuadLayout, LayoutError> {
+fn finished((patches, work): (Vec<RawPatch>, Patchwork), radius: f64) -> Result<QuadLayout, LayoutError> {
     let sharp = Plan::sharp_edges(&work);
     let mut work = Patchwork::of_patches(work.points, patches, &sharp);
     work.straighten();
+    for _ in 0..RECUTS {
+        work = work.recut(LONGEST * radius);
+        work.straighten();
+    }
     let patches: Vec<RawPatch> = (0..work.polygons.len())
         .map(|region| {
             let sides = std::array::from_fn(|k| work.path(work.polygons[region][k]));

@@ -15,7 +15,7 @@ const EDGES: usize = 4;
 /// Share of a border's length at which its direction is taken.
 ///
 /// Limit: the first edges of a border go through vertices near it.
-const AHEAD: f64 = 0.15;
+pub(super) const AHEAD: f64 = 0.15;
 
 /// Angle of a region's triangles at a node, in radians, beyond which the directions of its borders no longer tell it.
 const ROUND: f64 = 2.8;
@@ -141,7 +141,7 @@ impl Patchwork {
         middle
     }
 
-    fn side(
+    pub(super) fn side(
         &mut self,
         known: &mut BTreeMap<(u32, u32), Side>,
         path: Vec<u32>,
@@ -176,6 +176,11 @@ impl Patchwork {
         if side.reversed { path[path.len() - 1] } else { path[0] }
     }
 
+    /// The node at which a side ends.
+    pub(super) fn end(&self, side: Side) -> u32 {
+        self.start(Side { reversed: !side.reversed, ..side })
+    }
+
     pub(super) fn length(&self, path: &[u32]) -> f64 {
         path.windows(2).map(|pair| norm(sub(self.points[pair[1] as usize], self.points[pair[0] as usize]))).sum()
     }
@@ -188,23 +193,8 @@ impl Patchwork {
         let mut all: BTreeMap<u32, f64> = BTreeMap::new();
         let mut angles = Vec::with_capacity(self.polygons.len());
         for (polygon, faces) in self.polygons.iter().zip(&self.faces) {
-            let mut of_faces: BTreeMap<u32, f64> = polygon.iter().map(|&side| (self.start(side), 0.0)).collect();
-            for face in faces {
-                for k in 0..3 {
-                    if let Some(sum) = of_faces.get_mut(&face[k]) {
-                        let [p, q, r] = [0, 1, 2].map(|i| self.points[face[(k + i) % 3] as usize]);
-                        *sum += angle_at(p, q, r);
-                    }
-                }
-            }
             let n = polygon.len();
-            let angle = |i: usize| {
-                let (next, mut before) = (self.path(polygon[i]), self.path(polygon[(i + n - 1) % n]));
-                before.reverse();
-                let node = next[0];
-                let led = angle_at(self.points[node as usize], self.along(&next), self.along(&before));
-                if of_faces[&node] > ROUND { of_faces[&node] } else { led }
-            };
+            let angle = |i: usize| self.angle_between(&self.path(polygon[i]), &self.path(polygon[(i + n - 1) % n]), faces);
             let of: Vec<f64> = (0..n).map(angle).collect();
             polygon.iter().zip(&of).for_each(|(&side, angle)| *all.entry(self.start(side)).or_default() += angle);
             angles.push(of);
@@ -220,20 +210,47 @@ impl Patchwork {
         angles
     }
 
+    /// The angle between a side of a region and the side before it, as [`Patchwork::angles`] has it but for the full turn.
+    pub(super) fn angle_between(&self, next: &[u32], before: &[u32], faces: &[[u32; 3]]) -> f64 {
+        let node = next[0];
+        let mut of_faces = 0.0;
+        for face in faces {
+            if let Some(k) = face.iter().position(|&v| v == node) {
+                let [p, q, r] = [0, 1, 2].map(|i| self.points[face[(k + i) % 3] as usize]);
+                of_faces += angle_at(p, q, r);
+            }
+        }
+        if of_faces > ROUND {
+            return of_faces;
+        }
+        let before: Vec<u32> = before.iter().rev().copied().collect();
+        angle_at(self.points[node as usize], self.along(next), self.along(&before))
+    }
+
     /// The point of a path at a share of its length.
     fn along(&self, path: &[u32]) -> [f64; 3] {
-        let sought = AHEAD * self.length(path);
-        let mut sum = 0.0;
-        for pair in path.windows(2) {
-            let [p, q] = [pair[0], pair[1]].map(|v| self.points[v as usize]);
-            let length = norm(sub(q, p));
-            if sum + length >= sought {
-                return add(p, scale((sought - sum) / length.max(f64::MIN_POSITIVE), sub(q, p)));
-            }
-            sum += length;
-        }
-        self.points[path[path.len() - 1] as usize]
+        let points: Vec<[f64; 3]> = path.iter().map(|&v| self.points[v as usize]).collect();
+        along(&points, AHEAD)
     }
+}
+
+/// The point of a line at a share of its length.
+pub(super) fn along(line: &[[f64; 3]], share: f64) -> [f64; 3] {
+    let sought = share * length(line);
+    let mut sum = 0.0;
+    for pair in line.windows(2) {
+        let step = norm(sub(pair[1], pair[0]));
+        if sum + step >= sought {
+            return add(pair[0], scale((sought - sum) / step.max(f64::MIN_POSITIVE), sub(pair[1], pair[0])));
+        }
+        sum += step;
+    }
+    line[line.len() - 1]
+}
+
+/// The length of a line.
+pub(super) fn length(line: &[[f64; 3]]) -> f64 {
+    line.windows(2).map(|pair| norm(sub(pair[1], pair[0]))).sum()
 }
 
 /// Vertices at which three borders meet, or the course of a crease breaks.

@@ -5,6 +5,10 @@ use std::f64::consts::{PI, TAU};
 
 use point_cloud::vec3::{norm, sub};
 
+use super::disk::{Disk, Tracer};
+use super::mesh::angle_at;
+use super::patchwork::{AHEAD, along, length};
+
 /// Angles of corners, in radians, beyond which a pattern is all but forbidden: a margin within 25° and 155°.
 const ANGLES: [f64; 2] = [0.61, 2.5];
 
@@ -14,108 +18,189 @@ const RATIO: f64 = 0.25;
 /// What a broken rule costs, and how much more the farther.
 const BROKEN: f64 = 50.0;
 
+/// What a polygon costs that has no cut.
+///
+/// Limit: more than any that has one.
+const NO_CUT: f64 = 1e5;
+
 /// What a patch costs.
 ///
 /// Calibrated: against angles, of which one 30° off a right angle costs 0.27.
 const PATCH: f64 = 0.8;
 
-/// A polygon with vertices on the unit circle, at which it has angles in space.
+/// A polygon with all lines between its vertices that are straight in its map.
 #[derive(Clone, Debug)]
 pub(super) struct Polygon {
-    /// Places on a circle, counter-clockwise.
-    pub(super) uv: Vec<[f64; 2]>,
-    /// In space.
-    pub(super) points: Vec<[f64; 3]>,
-    /// Angles in space.
-    pub(super) angles: Vec<f64>,
-    /// Lengths of the sides, from each vertex to the next.
-    pub(super) lengths: Vec<f64>,
+    /// Places of the vertices on the circle of the map, counter-clockwise.
+    uv: Vec<[f64; 2]>,
+    points: Vec<[f64; 3]>,
+    /// For each two vertices the angle in space, at the first, from its side to the next vertex to the line to the second.
+    turns: Vec<f64>,
+    /// For each two vertices the length of the line between them; of neighbours, of the side.
+    lengths: Vec<f64>,
 }
 
 /// How a polygon is cut: by lines between its vertices, and in some of the parts that they leave, from a vertex in the middle to every
-/// second vertex of the part. Parts without one have four sides.
+/// second vertex of the part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Cut {
     pub(super) lines: Vec<[usize; 2]>,
-    /// The vertices of such parts, beginning with one that is joined.
+    /// Corners of parts of four sides, counter-clockwise.
+    pub(super) quads: Vec<[usize; 4]>,
+    /// The vertices of parts with a vertex in the middle, counter-clockwise from one that is joined.
     pub(super) stars: Vec<Vec<usize>>,
 }
 
+impl Cut {
+    /// The same with other numbers of the vertices.
+    fn numbered(self, number: &[usize]) -> Self {
+        Self {
+            lines: self.lines.into_iter().map(|line| line.map(|v| number[v])).collect(),
+            quads: self.quads.into_iter().map(|quad| quad.map(|v| number[v])).collect(),
+            stars: self.stars.into_iter().map(|star| star.into_iter().map(|v| number[v]).collect()).collect(),
+        }
+    }
+
+    /// Number of patches.
+    pub(super) fn len(&self) -> usize {
+        self.quads.len() + self.stars.iter().map(|star| star.len() / 2).sum::<usize>()
+    }
+}
+
 impl Polygon {
+    /// The polygon of a disk with these sides, at whose begins it has these angles in space.
+    pub(super) fn new(disk: &Disk, sides: &[Vec<u32>], angles: &[f64]) -> Option<Self> {
+        let n = sides.len();
+        let at: Vec<u32> = sides.iter().map(|side| disk.local(0, side[0])).collect::<Option<_>>()?;
+        let rim: Vec<Vec<[f64; 3]>> = sides
+            .iter()
+            .map(|side| side.iter().map(|&v| Some(disk.points[disk.local(0, v)? as usize])).collect())
+            .collect::<Option<_>>()?;
+        let tracer = Tracer::new(disk);
+        let mut lines: Vec<Vec<[f64; 3]>> = vec![Vec::new(); n * n];
+        for i in 0..n {
+            for j in i + 1..n {
+                let line = if j == i + 1 {
+                    rim[i].clone()
+                } else if i == 0 && j == n - 1 {
+                    rim[j].iter().rev().copied().collect()
+                } else {
+                    tracer.line(at[i], at[j])?
+                };
+                lines[j * n + i] = line.iter().rev().copied().collect();
+                lines[i * n + j] = line;
+            }
+        }
+        let ahead: Vec<[f64; 3]> =
+            lines.iter().map(|line| if line.is_empty() { [0.0; 3] } else { along(line, AHEAD) }).collect();
+        let points: Vec<[f64; 3]> = at.iter().map(|&v| disk.points[v as usize]).collect();
+        let mut turns = vec![0.0; n * n];
+        for i in 0..n {
+            for step in 2..n {
+                let [before, now] = [step - 1, step].map(|step| i * n + (i + step) % n);
+                turns[now] = turns[before] + angle_at(points[i], ahead[before], ahead[now]);
+            }
+            let all = turns[i * n + (i + n - 1) % n].max(1e-9);
+            turns[i * n..(i + 1) * n].iter_mut().for_each(|turn| *turn *= angles[i] / all);
+        }
+        let uv = at.iter().map(|&v| disk.uv[v as usize]).collect();
+        Some(Self { uv, points, turns, lengths: lines.iter().map(|line| length(line)).collect() })
+    }
+
+    /// The polygon of some of its vertices, whose sides run along its own.
+    fn of(&self, kept: &[usize]) -> Self {
+        let (n, m) = (self.len(), kept.len());
+        let pairs = |of: &[f64]| kept.iter().flat_map(|&i| kept.iter().map(move |&j| i * n + j)).map(|k| of[k]).collect();
+        let mut part = Self {
+            uv: kept.iter().map(|&i| self.uv[i]).collect(),
+            points: kept.iter().map(|&i| self.points[i]).collect(),
+            turns: pairs(&self.turns),
+            lengths: pairs(&self.lengths),
+        };
+        for k in 0..m {
+            let (i, next) = (kept[k], (k + 1) % m);
+            let (mut v, mut side) = (i, 0.0);
+            while v != kept[next] {
+                side += self.lengths[v * n + (v + 1) % n];
+                v = (v + 1) % n;
+            }
+            part.turns[k * m + next] = 0.0;
+            part.turns[k * m + (k + m - 1) % m] = self.turns[i * n + (i + n - 1) % n];
+            (part.lengths[k * m + next], part.lengths[next * m + k]) = (side, side);
+        }
+        part
+    }
+
+    /// The best cut with some of the vertices, and what it costs. Much for an odd number of them.
+    pub(super) fn best_of(&self, kept: &[usize]) -> (f64, Cut) {
+        let (cost, cut) = self.of(kept).best();
+        (cost, cut.numbered(kept))
+    }
+
     fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// The angle in space between the directions from vertex `at` to two places of the circle, as far as the angle there has been
-    /// spread over the polygon's own.
-    fn angle(&self, at: usize, from: [f64; 2], to: [f64; 2]) -> f64 {
-        let n = self.len();
-        let own = turn_at(self.uv[at], self.uv[(at + 1) % n], self.uv[(at + n - 1) % n]);
-        let part = turn_at(self.uv[at], from, to);
-        self.angles[at] * (part / own.max(1e-9)).min(1.0)
+    /// The angle in space at a vertex, from the line to one to the line to another.
+    fn angle(&self, at: usize, from: usize, to: usize) -> f64 {
+        self.turns[at * self.len() + to] - self.turns[at * self.len() + from]
     }
 
-    /// Length between two vertices along the border or through the inside.
     fn length(&self, a: usize, b: usize) -> f64 {
-        let n = self.len();
-        if (a + 1) % n == b {
-            self.lengths[a]
-        } else if (b + 1) % n == a {
-            self.lengths[b]
-        } else {
-            norm(sub(self.points[a], self.points[b]))
-        }
+        self.lengths[a * self.len() + b]
     }
 
-    /// Directions from each vertex to each, and the vertex's own angle.
-    fn directions(&self) -> Directions {
-        let n = self.len();
-        let direction = |i: usize| {
-            let (p, q) = (self.uv[i / n], self.uv[i % n]);
-            (q[1] - p[1]).atan2(q[0] - p[0])
-        };
-        let own = |at: usize| turn_at(self.uv[at], self.uv[(at + 1) % n], self.uv[(at + n - 1) % n]).max(1e-9);
-        Directions { n, all: (0..n * n).map(direction).collect(), own: (0..n).map(own).collect() }
-    }
-
-    fn quad(&self, v: [usize; 4], to: &Directions) -> f64 {
-        let angle = |k: usize| {
-            let (at, next, before) = (v[k], v[(k + 1) % 4], v[(k + 3) % 4]);
-            let part = (to.all[at * to.n + before] - to.all[at * to.n + next]).rem_euclid(TAU);
-            self.angles[at] * (part / to.own[at]).min(1.0)
-        };
+    fn quad(&self, v: [usize; 4]) -> f64 {
+        let angle = |k: usize| self.angle(v[k], v[(k + 1) % 4], v[(k + 3) % 4]);
         let length = |k: usize| self.length(v[k], v[(k + 1) % 4]);
         cost(std::array::from_fn(angle), std::array::from_fn(length))
     }
 
-    /// The best cut and what it costs. Infinite for an odd number of vertices.
+    /// The turn of the line to a place in the map, between those to vertices on both sides of it.
+    fn turn_to(&self, at: usize, place: [f64; 2]) -> f64 {
+        let n = self.len();
+        let first = self.uv[(at + 1) % n];
+        let sought = turn_at(self.uv[at], first, place);
+        let (mut before, mut reached) = (0.0, 0.0);
+        for step in 2..n {
+            let v = (at + step) % n;
+            let (there, turn) = (turn_at(self.uv[at], first, self.uv[v]), self.turns[at * n + v]);
+            if there >= sought {
+                let share = (sought - before) / (there - before).max(1e-12);
+                return reached + share.clamp(0.0, 1.0) * (turn - reached);
+            }
+            (before, reached) = (there, turn);
+        }
+        reached
+    }
+
+    /// The best cut and what it costs. Much for an odd number of vertices.
     pub(super) fn best(&self) -> (f64, Cut) {
         let n = self.len();
+        let mut cut = Cut::default();
         if n % 2 == 1 || n < 4 {
-            return (f64::INFINITY, Cut::default());
+            return (NO_CUT, cut);
         }
         let mut known = BTreeMap::new();
-        let cost = self.part(0, n - 1, &self.directions(), &mut known);
-        let mut cut = Cut::default();
+        let cost = self.part(0, n - 1, &mut known);
         self.collect((0, n - 1), &known, &mut cut);
         (cost, cut)
     }
 
     /// The cost of the part with vertices from `i` to `j`, closed by the line between them.
-    fn part(&self, i: usize, j: usize, to: &Directions, known: &mut BTreeMap<(usize, usize), (f64, Choice)>) -> f64 {
+    fn part(&self, i: usize, j: usize, known: &mut BTreeMap<(usize, usize), (f64, Choice)>) -> f64 {
         if j - i < 3 {
-            return if j - i == 1 { 0.0 } else { f64::INFINITY };
+            return if j - i == 1 { 0.0 } else { NO_CUT };
         }
         if let Some((cost, _)) = known.get(&(i, j)) {
             return *cost;
         }
-        let mut best = (f64::INFINITY, Choice::Quad(i, j));
+        let mut best = (NO_CUT, Choice::Quad(i, j));
         for a in (i + 1..j).step_by(2) {
             for b in (a + 1..j).step_by(2) {
-                let quad = self.quad([i, a, b, j], to);
+                let quad = self.quad([i, a, b, j]);
                 if quad < best.0 {
-                    let cost =
-                        quad + self.part(i, a, to, known) + self.part(a, b, to, known) + self.part(b, j, to, known);
+                    let cost = quad + self.part(i, a, known) + self.part(a, b, known) + self.part(b, j, known);
                     if cost < best.0 {
                         best = (cost, Choice::Quad(a, b));
                     }
@@ -143,9 +228,11 @@ impl Polygon {
         let mut sum = 0.0;
         for k in (0..n).step_by(2) {
             let [a, b, c] = [0, 1, 2].map(|i| v[(k + i) % n]);
-            let [ua, ub, uc] = [a, b, c].map(|v| self.uv[v]);
-            let at_centre = turn_at(centre, ua, uc);
-            let angles = [at_centre, self.angle(a, ub, centre), self.angle(b, uc, ua), self.angle(c, centre, ub)];
+            let at_centre = turn_at(centre, self.uv[a], self.uv[c]);
+            let own = self.len();
+            let at_a = self.turn_to(a, centre) - self.turns[a * own + b];
+            let at_c = self.turns[c * own + b] - self.turn_to(c, centre);
+            let angles = [at_centre, at_a, self.angle(b, c, a), at_c];
             let spoke = |v: usize| norm(sub(self.points[v], in_space));
             sum += cost(angles, [spoke(a), self.length(a, b), self.length(b, c), spoke(c)]);
         }
@@ -157,6 +244,7 @@ impl Polygon {
         match *choice {
             Choice::Star(first) => cut.stars.push(star_vertices(i, j, first)),
             Choice::Quad(a, b) => {
+                cut.quads.push([i, a, b, j]);
                 for (p, q) in [(i, a), (a, b), (b, j)] {
                     if q - p > 1 {
                         cut.lines.push([p, q]);
@@ -166,13 +254,6 @@ impl Polygon {
             }
         }
     }
-}
-
-/// Directions between the vertices of a polygon in the plane.
-struct Directions {
-    n: usize,
-    all: Vec<f64>,
-    own: Vec<f64>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -206,8 +287,15 @@ fn middle3(points: impl ExactSizeIterator<Item = [f64; 3]>) -> [f64; 3] {
     points.fold([0.0; 3], |sum, p| std::array::from_fn(|k| sum[k] + p[k] / n))
 }
 
+/// What any cut of a polygon with these angles costs at least: the fewest patches, and angles shared out evenly.
+pub(super) fn cost_at_least(angles: &[f64]) -> f64 {
+    let shared = |angle: f64, among: f64| among * (angle / among - 0.5 * PI).powi(2);
+    let least = |&angle: &f64| (1..=4).map(|among| shared(angle, f64::from(among))).fold(f64::INFINITY, f64::min);
+    PATCH * (0.5 * angles.len() as f64 - 1.0) + angles.iter().map(least).sum::<f64>()
+}
+
 /// What a patch with these corners and sides costs.
-fn cost(angles: [f64; 4], lengths: [f64; 4]) -> f64 {
+pub(super) fn cost(angles: [f64; 4], lengths: [f64; 4]) -> f64 {
     let mut sum = PATCH;
     for angle in angles {
         sum += (angle - 0.5 * PI).powi(2);

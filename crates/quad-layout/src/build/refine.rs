@@ -7,8 +7,8 @@ use crate::edge::sides;
 
 /// Triangles that a layout is drawn on, at least: arcs between patches follow edges first.
 ///
-/// Limit: with 40 patches an arc has some 15 edges.
-const TRIANGLES: f64 = 10_000.0;
+/// Limit: with 40 patches an arc has some 10 edges.
+const TRIANGLES: f64 = 5_000.0;
 
 /// Rounds of halving. Limit: each halves edges that are the longest of both their faces, of which some are left in each round.
 const ROUNDS: usize = 60;

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::disk::{Disk, SNAPS};
 use super::patchwork::{Patchwork, Side};
+use super::patterns::cost;
 
 /// How often every node is drawn anew.
 const SWEEPS: usize = 3;
@@ -29,18 +30,48 @@ impl Patchwork {
             let nodes: BTreeSet<u32> = self.polygons.iter().flatten().map(|&side| self.start(side)).collect();
             for node in nodes.difference(&on_crease) {
                 if let Some(star) = self.star(*node) {
-                    let _kept_as_it_is_otherwise = SNAPS.iter().any(|&snap| self.redraw_star(&star, snap).is_some());
+                    self.improve(&star.regions, |work| {
+                        SNAPS.iter().any(|&snap| work.redraw_star(&star, snap).is_some());
+                    });
                 }
             }
             for border in 0..self.borders.len() {
                 let path = &self.borders[border].path;
                 let ends = [path[0], path[path.len() - 1]];
                 if !self.borders[border].is_sharp && ends.iter().all(|end| on_crease.contains(end)) {
-                    let _kept_as_it_is_otherwise = SNAPS.iter().any(|&snap| self.redraw_border(border, snap).is_some());
+                    let sides = self.borders[border].sides;
+                    self.improve(&sides, |work| {
+                        SNAPS.iter().any(|&snap| work.redraw_border(border, snap).is_some());
+                    });
                 }
             }
         }
         self.lengthen_borders();
+    }
+
+    /// Changes regions and the borders between them, unless that makes their cuts dearer.
+    fn improve(&mut self, regions: &[usize], change: impl FnOnce(&mut Self)) {
+        let cost = |work: &Self| regions.iter().map(|&region| work.least_cost(region)).sum::<f64>();
+        let is_cut = self.polygons.iter().all(|polygon| polygon.len() == 4);
+        let (before, points) = (if is_cut { cost(self) } else { f64::INFINITY }, self.points.len());
+        let faces: Vec<Vec<[u32; 3]>> = regions.iter().map(|&region| self.faces[region].clone()).collect();
+        let borders: BTreeSet<usize> =
+            regions.iter().flat_map(|&region| self.polygons[region].iter().map(|side| side.border)).collect();
+        let paths: Vec<Vec<u32>> = borders.iter().map(|&border| self.borders[border].path.clone()).collect();
+        change(self);
+        if cost(self) > before {
+            self.points.truncate(points);
+            regions.iter().zip(faces).for_each(|(&region, faces)| self.faces[region] = faces);
+            borders.iter().zip(paths).for_each(|(&border, path)| self.borders[border].path = path);
+        }
+    }
+
+    /// What a patch costs; nothing for polygons that are yet to be cut, whose borders are jagged.
+    fn least_cost(&self, region: usize) -> f64 {
+        let paths: Vec<Vec<u32>> = self.polygons[region].iter().map(|&side| self.path(side)).collect();
+        let Ok(paths) = <[Vec<u32>; 4]>::try_from(paths) else { return 0.0 };
+        let angle = |k: usize| self.angle_between(&paths[k], &paths[(k + 3) % 4], &self.faces[region]);
+        cost(std::array::from_fn(angle), std::array::from_fn(|k| self.length(&paths[k])))
     }
 
     /// Nodes on creases.
