@@ -5,7 +5,7 @@
 //! normal is the mean of the facets round the vertex that turn by less than [`CREASE_DEGREES`] from this one, so edges stay
 //! sharp; and facets of a plane stay flat.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use point_cloud::DisjointSets;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
@@ -47,6 +47,11 @@ pub struct CurvedTriangles {
 impl CurvedTriangles {
     /// Over `triangles`, whose indices lie within `vertices`.
     pub fn new(vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Self {
+        Self::with_creases(vertices, triangles, &BTreeSet::new())
+    }
+
+    /// The same, where the facets on both sides of further edges, the smaller vertex first, do not bend towards each other either.
+    pub fn with_creases(vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>, creases: &BTreeSet<[u32; 2]>) -> Self {
         let doubled: Vec<[f64; 3]> = triangles
             .iter()
             .map(|t| {
@@ -63,8 +68,8 @@ impl CurvedTriangles {
             if in_plane[t] {
                 return facets[t];
             }
-            let sum =
-                round.of(triangles[t][k]).iter().map(|&o| o as usize).filter(|&o| dot(facets[t], facets[o]) >= crease);
+            let near = facets_between_creases(t, triangles[t][k], round.of(triangles[t][k]), &triangles, creases);
+            let sum = near.into_iter().map(|o| o as usize).filter(|&o| dot(facets[t], facets[o]) >= crease);
             unit(sum.fold([0.0; 3], |sum, o| add(sum, scale(if in_plane[o] { PLANE_WEIGHT } else { 1.0 }, doubled[o]))))
         };
         let corners = (0..triangles.len()).map(|t| std::array::from_fn(|k| corner(t, k))).collect();
@@ -152,6 +157,34 @@ impl FacetsRound {
         let v = vertex as usize;
         &self.facets[self.starts[v] as usize..self.starts[v + 1] as usize]
     }
+}
+
+/// Those of the facets round a vertex that are reached from one without crossing a crease that ends there.
+fn facets_between_creases(
+    from: usize,
+    vertex: u32,
+    round: &[u32],
+    triangles: &[[u32; 3]],
+    creases: &BTreeSet<[u32; 2]>,
+) -> Vec<u32> {
+    let others = |facet: u32| triangles[facet as usize].into_iter().filter(move |&other| other != vertex);
+    let is_crease = |other: u32| creases.contains(&[vertex.min(other), vertex.max(other)]);
+    if !round.iter().any(|&facet| others(facet).any(is_crease)) {
+        return round.to_vec();
+    }
+    let mut reached = vec![from as u32];
+    let mut next = 0;
+    while next < reached.len() {
+        let ways: Vec<u32> = others(reached[next]).filter(|&other| !is_crease(other)).collect();
+        for &facet in round {
+            if !reached.contains(&facet) && others(facet).any(|other| ways.contains(&other)) {
+                reached.push(facet);
+            }
+        }
+        next += 1;
+    }
+    // In the order of the others, for the last bit of sums.
+    round.iter().copied().filter(|facet| reached.contains(facet)).collect()
 }
 
 fn facets_round_vertices(vertices: usize, triangles: &[[u32; 3]]) -> FacetsRound {

@@ -18,7 +18,7 @@ mod layout;
 mod locate;
 mod patch;
 
-pub use build::{BuildOptions, CreaseRule};
+pub use build::{BuildOptions, CreaseRule, creases};
 pub use error::LayoutError;
 pub use layout::{QuadLayout, RawPatch};
 pub use locate::{Locator, Spot};

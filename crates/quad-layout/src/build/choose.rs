@@ -32,6 +32,8 @@ const NO_DISK: f64 = 1e6;
 #[derive(Debug)]
 pub(super) struct Choice {
     pub(super) cuts: Vec<Cut>,
+    /// What each cut costs.
+    pub(super) costs: Vec<f64>,
 }
 
 struct Search<'a> {
@@ -44,7 +46,8 @@ struct Search<'a> {
 /// Chooses.
 pub(super) fn choose(work: &Patchwork) -> Choice {
     let angles = work.angles();
-    let polygons = (0..work.polygons.len()).into_par_iter().map(|region| polygon(work, region, &angles[region])).collect();
+    let polygons =
+        (0..work.polygons.len()).into_par_iter().map(|region| polygon(work, region, &angles[region])).collect();
     let mut search = Search { work, polygons, known: vec![BTreeMap::new(); work.polygons.len()] };
     let walks = walks(work);
     let regions_of = |walk: &Vec<usize>| -> Vec<usize> {
@@ -76,8 +79,8 @@ pub(super) fn choose(work: &Patchwork) -> Choice {
         }
     }
     let halved = best.1;
-    let cuts = (0..work.polygons.len()).map(|region| search.pattern(region, &halved).1).collect();
-    Choice { cuts }
+    let (costs, cuts) = (0..work.polygons.len()).map(|region| search.pattern(region, &halved)).unzip();
+    Choice { cuts, costs }
 }
 
 impl Search<'_> {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use point_cloud::vec3::{add, cross, norm, scale, sub, unit};
+use point_cloud::vec3::{add, box_of, cross, norm, scale, sub, unit};
 
 use crate::LayoutError;
 use crate::edge::edge;
@@ -45,6 +45,20 @@ impl WorkMesh {
         let mesh = Self { points, faces, sharp: BTreeSet::new() };
         mesh.check()?;
         Ok(mesh)
+    }
+
+    /// Triangles moved and scaled to a box with its centre at 0 and diagonal 1, and what the centre and the diagonal were.
+    ///
+    /// # Errors
+    /// Those of [`WorkMesh::new`].
+    pub(super) fn of_diagonal_1(
+        points: &[[f64; 3]],
+        triangles: &[[u32; 3]],
+    ) -> Result<(Self, [f64; 3], f64), LayoutError> {
+        let [lower, upper] = box_of(triangles.iter().flatten().filter_map(|&v| points.get(v as usize).copied()));
+        let (centre, diagonal) = (scale(0.5, add(lower, upper)), norm(sub(upper, lower)));
+        let placed = points.iter().map(|p| scale(1.0 / diagonal, sub(*p, centre))).collect();
+        Ok((Self::new(placed, triangles.to_vec())?, centre, diagonal))
     }
 
     fn check(&self) -> Result<(), LayoutError> {

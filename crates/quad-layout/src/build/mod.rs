@@ -23,7 +23,9 @@ mod regions;
 mod rungs;
 mod straighten;
 
-use point_cloud::vec3::{add, box_of, norm, scale, sub};
+use std::collections::BTreeSet;
+
+use point_cloud::vec3::{add, scale};
 
 use crate::edge::edge;
 use crate::{LayoutError, QuadLayout, RawPatch};
@@ -47,10 +49,10 @@ impl Default for BuildOptions {
     }
 }
 
-/// Rounds in which regions that cannot be cut are parted.
+/// Attempts, each with the regions parted that have no good cut in the last.
 ///
-/// Limit: each takes as long as the first.
-const ROUNDS: usize = 4;
+/// Limit: each takes as long as the first, and a third and fourth made no layout of nine better.
+const ROUNDS: usize = 2;
 
 /// Rounds in which patches are cut anew, and their borders drawn straight.
 const RECUTS: usize = 3;
@@ -66,17 +68,14 @@ impl QuadLayout {
     /// [`LayoutError`]: for meshes that are open, of several pieces, or not the surface of anything; [`LayoutError::NotCut`] where
     /// no layout was found.
     pub fn of_mesh(points: &[[f64; 3]], triangles: &[[u32; 3]], options: &BuildOptions) -> Result<Self, LayoutError> {
-        let [lower, upper] = box_of(triangles.iter().flatten().filter_map(|&v| points.get(v as usize).copied()));
-        let (centre, diagonal) = (scale(0.5, add(lower, upper)), norm(sub(upper, lower)));
-        let placed = points.iter().map(|p| scale(1.0 / diagonal, sub(*p, centre))).collect();
-        let mut mesh = WorkMesh::new(placed, triangles.to_vec())?;
+        let (mut mesh, centre, diagonal) = WorkMesh::of_diagonal_1(points, triangles)?;
         mesh.sharp = features::creases(&mesh, options.creases);
         refine::refine(&mut mesh);
         let tries = [true, false].map(|spans_narrow| (spans_narrow, mesh.clone()));
         let mut failure = LayoutError::NoMesh;
         for (spans_narrow, mesh) in tries {
-            match cut(Plan::new(mesh, options.radius, spans_narrow)) {
-                Ok(cut) => return Ok(finished(cut, options.radius)?.moved(|p| add(centre, scale(diagonal, p)))),
+            match cut(Plan::new(mesh, options.radius, spans_narrow), LONGEST * options.radius) {
+                Ok(work) => return Ok(finished(work)?.moved(|p| add(centre, scale(diagonal, p)))),
                 Err(error) => failure = error,
             }
         }
@@ -84,34 +83,74 @@ impl QuadLayout {
     }
 }
 
-/// Patches of a plan, and the surface that they are of.
-fn cut(mut plan: Plan) -> Result<(Vec<RawPatch>, Patchwork), LayoutError> {
-    let mut left = Vec::new();
-    for _ in 0..ROUNDS {
-        let mut work = plan.patchwork()?;
-        work.straighten();
-        let choice = choose::choose(&work);
-        match patches::patches(&mut work, &choice) {
-            Ok(patches) => {
-                tracing::info!(regions = choice.cuts.len(), patches = patches.len(), "layout");
-                return Ok((patches, work));
-            }
-            Err(failed) => left = failed,
-        }
-        plan.part(&left)?;
-    }
-    Err(LayoutError::NotCut { regions: left.len(), reason: "their parts are no disks" })
+/// The edges of a mesh that are creases by a rule, the smaller vertex first. Vertices in one place must be one.
+///
+/// # Errors
+/// [`LayoutError`]: for what is not the closed surface of anything.
+pub fn creases(
+    points: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    rule: CreaseRule,
+) -> Result<BTreeSet<[u32; 2]>, LayoutError> {
+    let (mesh, ..) = WorkMesh::of_diagonal_1(points, triangles)?;
+    Ok(features::creases(&mesh, rule))
 }
 
-/// The layout of patches that were drawn anew as regions are.
-fn finished((patches, work): (Vec<RawPatch>, Patchwork), radius: f64) -> Result<QuadLayout, LayoutError> {
+/// The patches of a plan. Regions without a good cut are parted; of several attempts the one that breaks rules in the fewest patches.
+fn cut(mut plan: Plan, longest: f64) -> Result<Patchwork, LayoutError> {
+    let mut best: Option<(usize, Patchwork)> = None;
+    let mut failure = LayoutError::NoMesh;
+    for _ in 0..ROUNDS {
+        let mut work = match plan.patchwork() {
+            Ok(work) => work,
+            Err(error) => {
+                failure = error;
+                break;
+            }
+        };
+        work.straighten();
+        let choice = choose::choose(&work);
+        let has_no_good_cut = |region: &u32| choice.costs[*region as usize] >= patterns::BROKEN;
+        let mut parted: Vec<u32> = (0..choice.costs.len() as u32).filter(has_no_good_cut).collect();
+        match patches::patches(&mut work, &choice) {
+            Ok(patches) => {
+                let work = improved(work, patches, longest);
+                let broken = work.broken();
+                tracing::info!(regions = choice.cuts.len(), patches = work.polygons.len(), broken, "layout");
+                if best.as_ref().is_none_or(|(least, _)| broken < *least) {
+                    best = Some((broken, work));
+                }
+                if broken == 0 {
+                    break;
+                }
+            }
+            Err(failed) => {
+                failure = LayoutError::NotCut { regions: failed.len(), reason: "their parts are no disks" };
+                parted = failed;
+            }
+        }
+        if let Err(error) = plan.part(&parted) {
+            failure = error;
+            break;
+        }
+    }
+    best.map(|(_, work)| work).ok_or(failure)
+}
+
+/// Patches drawn anew as regions are, and cut anew.
+fn improved(work: Patchwork, patches: Vec<RawPatch>, longest: f64) -> Patchwork {
     let sharp = Plan::sharp_edges(&work);
     let mut work = Patchwork::of_patches(work.points, patches, &sharp);
     work.straighten();
     for _ in 0..RECUTS {
-        work = work.recut(LONGEST * radius);
+        work = work.recut(longest);
         work.straighten();
     }
+    work
+}
+
+/// The layout of patches.
+fn finished(mut work: Patchwork) -> Result<QuadLayout, LayoutError> {
     let patches: Vec<RawPatch> = (0..work.polygons.len())
         .map(|region| {
             let sides = std::array::from_fn(|k| work.path(work.polygons[region][k]));

@@ -61,8 +61,7 @@ impl Drawing<'_> {
         }
         let mut quads: Vec<[Vec<u32>; 4]> = Vec::with_capacity(cut.len());
         for quad in &cut.quads {
-            let paths: Vec<Vec<u32>> =
-                (0..4).map(|k| self.path(quad[k], quad[(k + 1) % 4])).collect::<Option<_>>()?;
+            let paths: Vec<Vec<u32>> = (0..4).map(|k| self.path(quad[k], quad[(k + 1) % 4])).collect::<Option<_>>()?;
             quads.push(paths.try_into().ok()?);
         }
         for star in &cut.stars {

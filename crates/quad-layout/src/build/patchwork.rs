@@ -194,7 +194,8 @@ impl Patchwork {
         let mut angles = Vec::with_capacity(self.polygons.len());
         for (polygon, faces) in self.polygons.iter().zip(&self.faces) {
             let n = polygon.len();
-            let angle = |i: usize| self.angle_between(&self.path(polygon[i]), &self.path(polygon[(i + n - 1) % n]), faces);
+            let angle =
+                |i: usize| self.angle_between(&self.path(polygon[i]), &self.path(polygon[(i + n - 1) % n]), faces);
             let of: Vec<f64> = (0..n).map(angle).collect();
             polygon.iter().zip(&of).for_each(|(&side, angle)| *all.entry(self.start(side)).or_default() += angle);
             angles.push(of);

@@ -16,7 +16,7 @@ const ANGLES: [f64; 2] = [0.61, 2.5];
 const RATIO: f64 = 0.25;
 
 /// What a broken rule costs, and how much more the farther.
-const BROKEN: f64 = 50.0;
+pub(super) const BROKEN: f64 = 50.0;
 
 /// What a polygon costs that has no cut.
 ///
@@ -110,7 +110,8 @@ impl Polygon {
     /// The polygon of some of its vertices, whose sides run along its own.
     fn of(&self, kept: &[usize]) -> Self {
         let (n, m) = (self.len(), kept.len());
-        let pairs = |of: &[f64]| kept.iter().flat_map(|&i| kept.iter().map(move |&j| i * n + j)).map(|k| of[k]).collect();
+        let pairs =
+            |of: &[f64]| kept.iter().flat_map(|&i| kept.iter().map(move |&j| i * n + j)).map(|k| of[k]).collect();
         let mut part = Self {
             uv: kept.iter().map(|&i| self.uv[i]).collect(),
             points: kept.iter().map(|&i| self.points[i]).collect(),

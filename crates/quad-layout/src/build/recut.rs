@@ -12,14 +12,14 @@ use rayon::prelude::*;
 use super::disk::Disk;
 use super::patches::{drawn, patch};
 use super::patchwork::{Patchwork, Side};
-use super::patterns::{Cut, Polygon, cost, cost_at_least};
+use super::patterns::{BROKEN, Cut, Polygon, cost, cost_at_least};
 use crate::RawPatch;
 
 /// Most patches of a group, and most sides of its rim.
 ///
 /// Limit: the best cut of a rim takes time as the fourth power of its sides.
-const MOST_PATCHES: usize = 10;
-const MOST_SIDES: usize = 14;
+const MOST_PATCHES: usize = 14;
+const MOST_SIDES: usize = 20;
 
 /// Least gain, in costs of patterns, for which patches are cut anew.
 ///
@@ -153,7 +153,8 @@ impl Recut {
         !touched.is_empty()
     }
 
-    /// Neighbours: those beside a smooth border, those round its ends, those round a node between creases, and each with those beside it.
+    /// Neighbours: those beside a smooth border, those round its ends, those round a node between creases, each with those beside it,
+    /// and as many as there may be round one that breaks a rule.
     fn groups(&self) -> BTreeSet<Vec<usize>> {
         let work = &self.work;
         let mut smooth: Vec<usize> = Vec::new();
@@ -211,6 +212,20 @@ impl Recut {
         }
         for (number, others) in beside.iter().enumerate() {
             add(others.iter().copied().chain([number]).collect());
+            if self.costs[number] > BROKEN {
+                // One more at a time, from near to far.
+                let mut near = vec![number];
+                let mut next = 0;
+                while next < near.len() && near.len() < MOST_PATCHES {
+                    for &other in &beside[near[next]] {
+                        if !near.contains(&other) && near.len() < MOST_PATCHES {
+                            near.push(other);
+                            add(near.iter().copied().collect());
+                        }
+                    }
+                    next += 1;
+                }
+            }
         }
         groups
     }

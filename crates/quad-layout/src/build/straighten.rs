@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::disk::{Disk, SNAPS};
 use super::patchwork::{Patchwork, Side};
-use super::patterns::cost;
+use super::patterns::{BROKEN, cost};
 
 /// How often every node is drawn anew.
 const SWEEPS: usize = 3;
@@ -64,6 +64,11 @@ impl Patchwork {
             regions.iter().zip(faces).for_each(|(&region, faces)| self.faces[region] = faces);
             borders.iter().zip(paths).for_each(|(&border, path)| self.borders[border].path = path);
         }
+    }
+
+    /// Number of patches that break a rule.
+    pub(super) fn broken(&self) -> usize {
+        (0..self.polygons.len()).filter(|&number| self.least_cost(number) >= BROKEN).count()
     }
 
     /// What a patch costs; nothing for polygons that are yet to be cut, whose borders are jagged.

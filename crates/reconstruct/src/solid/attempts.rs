@@ -1,8 +1,7 @@
 //! Fits on layouts of our own: another layout where faces fold, more elements where they are too coarse.
 
-use quad_layout::{BuildOptions, CreaseRule, QuadLayout};
+use quad_layout::{BuildOptions, QuadLayout};
 
-use super::options::Sharp;
 use super::part::{Attempt, ELEMENTS, Part};
 use super::report::SolidReason;
 use crate::{Error, Event, Watch};
@@ -22,11 +21,7 @@ const MOST_ELEMENTS: usize = 16;
 /// # Errors
 /// [`Error`], where no fit at all succeeds.
 pub(super) fn best(part: &Part<'_>, watch: &mut Watch<'_>) -> Result<Attempt, Error> {
-    let creases = match part.options.sharp {
-        Sharp::Auto => CreaseRule::Auto,
-        Sharp::Angle(degrees) => CreaseRule::Angle(degrees),
-        Sharp::Off => CreaseRule::Off,
-    };
+    let creases = part.options.sharp.rule();
     let mut best: Option<Attempt> = None;
     let mut failure = None;
     for radius in RADII {

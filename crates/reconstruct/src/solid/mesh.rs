@@ -4,6 +4,7 @@ use deviation::CurvedTriangles;
 use geom_io::Scan;
 use point_cloud::vec3::{box_of, cross, dot, norm, sub};
 use point_cloud::{EdgeMap, TriangleMesh, TriangleTree, merge_duplicate_vertices};
+use quad_layout::CreaseRule;
 
 use crate::Error;
 
@@ -35,10 +36,13 @@ pub(super) fn is_closed_mesh(scan: Scan) -> bool {
 
 impl SolidMesh {
     /// Makes vertices in one place one, as formats without shared vertices need it, and indexes the triangles.
-    pub(super) fn new(scan: Scan) -> Result<Self, Error> {
+    /// `creases` are where facets do not bend towards each other, beside those that are sharp.
+    pub(super) fn new(scan: Scan, creases: CreaseRule) -> Result<Self, Error> {
         let mesh = merged(scan)?;
         let vertices: Vec<[f64; 3]> = mesh.vertices.rows().into_iter().map(|p| [p[0], p[1], p[2]]).collect();
-        let curved = CurvedTriangles::new(vertices, mesh.triangles);
+        // What no layout can be made of is told where one is made.
+        let creases = quad_layout::creases(&vertices, &mesh.triangles, creases).unwrap_or_default();
+        let curved = CurvedTriangles::with_creases(vertices, mesh.triangles, &creases);
         let area = curved.areas().iter().sum();
         let corners: Vec<[[f64; 3]; 3]> = (0..curved.triangles().len()).map(|t| curved.corners(t)).collect();
         let bounds = box_of(corners.iter().flatten().copied());

@@ -55,7 +55,7 @@ pub fn fit_solid_file(path: &Path, options: &SolidOptions, watch: &mut Watch<'_>
     let _ = watch(Event::Step("reading"));
     let scan = read_scan(path, &options.read)?;
     let unit = units::resolve(options.units, scan.unit);
-    let mesh = SolidMesh::new(scan)?;
+    let mesh = SolidMesh::new(scan, options.sharp.rule())?;
     let mut tried = match &options.layout {
         LayoutChoice::File(file) => {
             let layout = layout_of(file, &mesh)?;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use geom_io::{LengthUnit, ReadOptions};
+use quad_layout::CreaseRule;
 use serde::Serialize;
 
 use crate::options::{Tolerance, parse_error, serialize_as_typed};
@@ -87,12 +88,23 @@ impl FromStr for LayoutChoice {
 /// Which arcs of a layout are creases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sharp {
-    /// Those along edges of the mesh sharper than 40°, if the mesh has creases at all.
+    /// Those along edges of the mesh sharper than 40°, and blunter ones between large facets, if the mesh has creases at all.
     Auto,
     /// Those along which the mesh is sharper than this angle, in degrees.
     Angle(f64),
     /// None.
     Off,
+}
+
+impl Sharp {
+    /// Which edges of the mesh are creases.
+    pub(super) fn rule(self) -> CreaseRule {
+        match self {
+            Self::Auto => CreaseRule::Auto,
+            Self::Angle(degrees) => CreaseRule::Angle(degrees),
+            Self::Off => CreaseRule::Off,
+        }
+    }
 }
 
 impl fmt::Display for Sharp {
