@@ -10,6 +10,7 @@ pub(crate) mod markdown;
 pub mod moving;
 pub mod parcnn;
 pub mod pargcn;
+pub mod published;
 pub mod qi;
 pub mod rwls;
 mod shapes;
