@@ -388,6 +388,16 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Compute all pages anew that need no training, and fail if a figure but a time differs from the committed page by more
+    /// than a hundredth; writes nothing.
+    All {
+        /// A folder with the clouds that this repository does not hold.
+        #[arg(long, required_unless_present = "quick")]
+        data: Option<PathBuf>,
+        /// Without data: tables of generated clouds and of fixtures only, a few minutes.
+        #[arg(long, conflicts_with = "data")]
+        quick: bool,
+    },
     /// Chapter 5 at the printed settings.
     Printed {
         /// A folder with the public clouds of the authors in `thesis/`; without it nothing is computed.
@@ -550,6 +560,14 @@ fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result
             let truth =
                 tables::truth::Truth { data: &data, python: &python, only: only.as_deref(), cache: &cache, resume };
             ("truth", out, None, tables::truth::document(&truth, say)?)
+        }
+        Tables::All { data, .. } => {
+            let findings = tables::all::compare(root, data.as_deref(), say)?;
+            findings.iter().for_each(|finding| say(finding));
+            if !findings.is_empty() {
+                bail!("{} figure(s) differ", findings.len());
+            }
+            return Ok(());
         }
         Tables::Printed { data, out } => {
             let Some(data) = data else {

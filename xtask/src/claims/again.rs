@@ -28,22 +28,6 @@ pub struct Again<'a> {
     pub only: Option<&'a str>,
 }
 
-/// Makes a page anew; none if it needs data that are not there, or hours.
-fn made(page: &str, root: &Path, data: Option<&Path>, say: &mut dyn FnMut(&str)) -> Result<Option<String>> {
-    Ok(match (page, data) {
-        ("box-splines", _) => Some(tables::box_splines::document()?),
-        ("published", _) => Some(tables::published::document(root)?),
-        ("curves", data) => Some(tables::curves::document(data)?),
-        ("parcnn", data) => Some(tables::parcnn::document(data, None)?),
-        ("classical", data) => Some(tables::classical::document(data)?),
-        ("pargcn", data) => Some(tables::pargcn::document(data, say)?),
-        ("rwls", data) => Some(tables::rwls::document(data)?),
-        ("qi", Some(data)) => Some(tables::qi::document(Some(data))?),
-        ("printed", Some(data)) => Some(tables::moving::printed_settings(data, say)?),
-        _ => None,
-    })
-}
-
 impl Again<'_> {
     /// Draws, computes and compares; what differs, and how many claims were compared.
     ///
@@ -60,7 +44,7 @@ impl Again<'_> {
             let (claim, cells) = open.swap_remove(random.random_range(0..open.len()));
             if !texts.contains_key(&cells.page) {
                 say(&format!("computing {}", cells.page));
-                texts.insert(cells.page.clone(), made(&cells.page, root, self.data, say)?);
+                texts.insert(cells.page.clone(), tables::all::made(&cells.page, root, self.data, say)?);
             }
             let Some(text) = &texts[&cells.page] else { continue };
             // A page made without data or training lacks some of its tables.

@@ -1,5 +1,6 @@
 //! Published tables, computed anew from seeds and set beside the printed figures.
 
+pub mod all;
 pub mod bidgcn;
 pub mod box_splines;
 pub mod classical;

@@ -43,8 +43,8 @@ impl Recipe {
 
     /// The recipe of a name; ours for any other.
     pub(super) fn named(name: Option<&String>) -> Self {
-        let known = [Self::RmsProp, Self::Adam, Self::Sgd].into_iter();
-        known.filter(|recipe| name.is_some_and(|n| n == recipe.name())).next_back().unwrap_or(Self::AdamW)
+        let mut known = [Self::RmsProp, Self::Adam, Self::Sgd].into_iter();
+        known.find(|recipe| name.is_some_and(|n| n == recipe.name())).unwrap_or(Self::AdamW)
     }
 
     /// Whether it is one of the papers: no gradient is shortened, no weights are averaged, nothing but the error of the fit

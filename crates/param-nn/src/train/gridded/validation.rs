@@ -29,8 +29,11 @@ const DEGREES: [usize; 4] = [2, 3, 4, 5];
 /// Standard deviation on each coordinate of the scaled points; half of it on surfaces.
 const NOISE: f64 = 1e-2;
 
-/// Name, points as a function of the degree, degrees, noise.
-type Kind = (String, fn(usize) -> [usize; 2], Vec<usize>, f64);
+/// Points as a function of the degree.
+type Size = fn(usize) -> [usize; 2];
+
+/// Name, points, degrees, noise.
+type Kind = (String, Size, Vec<usize>, f64);
 
 impl GridValidation {
     /// `count` items of each kind that an architecture is for.
@@ -71,11 +74,11 @@ impl GridValidation {
         seed: u64,
         count: u64,
     ) -> Result<Self, NnError> {
-        let kinds: [(&str, fn(usize) -> [usize; 2]); 4] =
+        let kinds: [(&str, Size); 4] =
             [("2d+1", |d| [2 * d + 1, 1]), ("20", |_| [20, 1]), ("50", |_| [50, 1]), ("80", |_| [80, 1])];
         let kinds = match architecture.directions {
             1 => kinds[..if shortest { 1 } else { kinds.len() }].to_vec(),
-            _ => vec![("10x10", (|_| PUBLISHED_GRID) as fn(usize) -> _)],
+            _ => vec![("10x10", (|_| PUBLISHED_GRID) as Size)],
         };
         let kinds = kinds.into_iter().map(|(name, size)| (name.to_owned(), size, vec![degree], 0.0)).collect();
         Self::of_kinds(architecture, kinds, seed, count)
