@@ -26,7 +26,8 @@ fifth to two fifths of these errors, RES half. The printed TRA are the errors of
 network is below the printed CNN and below STD in every row.
 
 **The ranking of the paper, CNN first, is not reproduced** by these trainings: RES is below the CNN at every degree, at d = 2 MLP and PPN are too.
-They follow our recipe, loss and optimizer, not the paper's; what the published recipe gives stands in [published.md](published.md).
+They follow our recipe, loss and optimizer, not the paper's. With the published recipe the CNN does come first, the others in another order than
+printed ([published.md](published.md)).
 
 ## Table 4.2
 
