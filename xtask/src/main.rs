@@ -503,6 +503,16 @@ fn main() -> Result<()> {
     Ok(())
 }
 
+/// Fails if a page that is computed anew differs.
+fn compare_pages(root: &Path, data: Option<&Path>, say: &mut dyn FnMut(&str)) -> Result<()> {
+    let findings = tables::all::compare(root, data, say)?;
+    findings.iter().for_each(|finding| say(finding));
+    if !findings.is_empty() {
+        bail!("{} figure(s) differ", findings.len());
+    }
+    Ok(())
+}
+
 /// Makes the page of one of the tables and writes it.
 fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result<()> {
     let (page, out, missing, text) = match tables {
@@ -561,14 +571,7 @@ fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result
                 tables::truth::Truth { data: &data, python: &python, only: only.as_deref(), cache: &cache, resume };
             ("truth", out, None, tables::truth::document(&truth, say)?)
         }
-        Tables::All { data, .. } => {
-            let findings = tables::all::compare(root, data.as_deref(), say)?;
-            findings.iter().for_each(|finding| say(finding));
-            if !findings.is_empty() {
-                bail!("{} figure(s) differ", findings.len());
-            }
-            return Ok(());
-        }
+        Tables::All { data, .. } => return compare_pages(root, data.as_deref(), say),
         Tables::Printed { data, out } => {
             let Some(data) = data else {
                 say("skipped: the page needs --data DIR");
@@ -580,6 +583,8 @@ fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result
             if let Some(runs) = runs {
                 say(&format!("{} runs", tables::published::collect(root, &runs)?));
             }
+            let picture = [("published.svg", tables::published::curves(root)?)];
+            tables::moving::write_figures(&picture, &root.join(FIGURES))?;
             ("published", out, None, tables::published::document(root)?)
         }
         Tables::Classical { data, out } => {

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, ensure};
 use sha2::{Digest, Sha256};
 
 use super::markdown::{factor, figure, table};
+use crate::chart::{Chart, Series, svg};
 
 /// The folder of the committed logs, below the root, and the list of their runs.
 const FOLDER: &str = "docs/results/training";
@@ -119,11 +120,8 @@ fn listed(folder: &Path) -> Result<BTreeMap<String, String>> {
     text.lines().skip(1).map(pair).collect()
 }
 
-/// The page from the committed logs.
-///
-/// # Errors
-/// Logs that cannot be read.
-pub fn document(root: &Path) -> Result<String> {
+/// The committed logs.
+fn committed(root: &Path) -> Result<BTreeMap<String, Run>> {
     let folder = root.join(FOLDER);
     let mut runs = BTreeMap::new();
     for (name, rest) in listed(&folder)? {
@@ -134,6 +132,41 @@ pub fn document(root: &Path) -> Result<String> {
             std::fs::read_to_string(folder.join(format!("{name}.csv"))).with_context(|| format!("no log of {name}"))?;
         runs.insert(name.clone(), Run::parse(&name, weights, command, &log)?);
     }
+    Ok(runs)
+}
+
+/// Errors of the validation against steps, a chart for each degree of Table 4.1; dashed, the best standard parameters.
+///
+/// # Errors
+/// Logs that cannot be read.
+pub fn curves(root: &Path) -> Result<String> {
+    let runs = committed(root)?;
+    let line = |run: &Run, column: &str| -> Vec<[f64; 2]> {
+        let (steps, errors) = (run.column("step").unwrap_or_default(), run.column(column).unwrap_or_default());
+        steps.into_iter().zip(errors).map(|(step, error)| [step, error]).collect()
+    };
+    let chart = |degree: usize| {
+        let mut series = Vec::new();
+        for (colour, (file, name, _)) in NETWORKS.iter().enumerate() {
+            let Some(run) = runs.get(&format!("{file}-{degree}")) else { continue };
+            let points = line(run, "mse 2d+1");
+            series.push(Series { name: (*name).into(), points, colour, dashed: false });
+        }
+        if let Some(run) = runs.values().find(|run| run.name.ends_with(&format!("-{degree}"))) {
+            let points = line(run, "std 2d+1");
+            series.push(Series { name: "STD".into(), points, colour: NETWORKS.len(), dashed: true });
+        }
+        Chart { title: format!("MSE, d = {degree}"), x_label: "steps".into(), series, ..Chart::default() }
+    };
+    Ok(svg(&DEGREES.map(chart)))
+}
+
+/// The page from the committed logs.
+///
+/// # Errors
+/// Logs that cannot be read.
+pub fn document(root: &Path) -> Result<String> {
+    let runs = committed(root)?;
     let mut text = String::from(INTRODUCTION);
     text += &table_4_1(&runs);
     text += &pargcn(&runs);
@@ -252,6 +285,8 @@ MSE on 500 fixed sequences of 2d + 1 points, at the end of the run; the print ha
 chord length on the same 500. *Last fifth*: how the error changed over the last fifth of the steps: where it is below −5 % it was still
 falling, and the figure is that of an unfinished training. The print names no number of steps, so neither figures nor ranks can refute it; they
 say what this many steps give. Networks that are missing have not been trained yet.
+
+![Errors against steps](figures/published.svg)
 
 ";
 

@@ -117,7 +117,8 @@ impl<T: Training> Run<T> {
         let path = |name: &str| self.out.join(name);
         let (mut trainer, mut log) = if self.resume {
             let bytes = std::fs::read(path(CHECKPOINT)).context("no checkpoint to go on from")?;
-            let log = std::fs::read_to_string(path(LOG)).context("no log to go on with")?;
+            // There is none before the first validation.
+            let log = std::fs::read_to_string(path(LOG)).unwrap_or_default();
             (T::go_on(&bytes, &self.options)?, log)
         } else {
             ensure!(!path(CHECKPOINT).exists(), "{} holds a run; go on with --resume", self.out.display());
@@ -258,6 +259,10 @@ mod tests {
         let log = std::fs::read_to_string(folder.join(LOG)).unwrap();
         let steps: Vec<&str> = log.lines().skip(1).filter_map(|line| line.split(',').next()).collect();
         assert_eq!(steps, ["2", "4", "5"]);
+        // A run that was stopped before its first validation goes on, too.
+        std::fs::remove_file(folder.join(LOG)).unwrap();
+        Run { resume: true, options: ComparisonOptions { steps: 6, ..options }, ..run }.train(|_| ()).unwrap();
+        assert_eq!(std::fs::read_to_string(folder.join(LOG)).unwrap().lines().count(), 2);
         std::fs::remove_dir_all(folder).unwrap();
     }
 

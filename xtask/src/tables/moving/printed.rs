@@ -93,7 +93,8 @@ fn row(name: &str, run: &Run) -> Vec<String> {
 
 /// Examples 5.2.2 (f) and 5.3.3 (a).
 fn on_the_hull(cen: &Cloud, log: &mut dyn FnMut(&str)) -> Result<String> {
-    let curvature = || Distance::Hybrid(Blend::CurvatureDriven(cen.curvatures().unwrap_or_default()));
+    let curvatures = cen.curvatures()?;
+    let curvature = || Distance::Hybrid(Blend::CurvatureDriven(curvatures.clone()));
     let mut rows = |methods: Vec<Named>, tolerance: f64| -> Result<Vec<Vec<String>>> {
         let one = |(name, method): Named| {
             log(name);
