@@ -1,6 +1,7 @@
 //! Chores of this repository: synthetic data, tables and checks. A user who only fits needs none of it.
 
 pub mod chart;
+pub mod claims;
 pub mod corpus;
 pub mod fuzz;
 pub mod generate;

@@ -4,16 +4,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
-use param_nn::{
-    Architecture, Form, GridTrainOptions, GridTrainer, GriddedSpec, Neighbours, PargcnForm, PargcnTrainOptions,
-    PargcnTrainer, Recipe, SHIPPED_FORM, ScatteredSpec, TrainOptions, Trainer, Variant,
-};
+use param_nn::{GriddedSpec, ScatteredSpec};
+use xtask::claims::{self, Again, Claims};
 use xtask::corpus::{self, Corpus, Vary};
 use xtask::fuzz::Fuzz;
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
 use xtask::generate::{fixtures, gridded, scattered};
-use xtask::train::{Run, Training};
+use xtask::train::Train;
 use xtask::{tables, tidy, workspace_root};
 
 /// Where figures go, below the root.
@@ -31,6 +29,8 @@ enum Arguments {
     /// Compute published tables anew and write them to docs/results.
     #[command(subcommand)]
     Tables(Tables),
+    /// Write docs/results/claims.md and the count in README.md from xtask/claims.toml, or compute claims anew.
+    Claims(ClaimsArguments),
     /// Draw the figures of Imperatore 2024, chapter 5, anew, from the clouds they were made with. Times do not matter; one
     /// thread, RAYON_NUM_THREADS=1, is enough.
     Figures {
@@ -77,6 +77,48 @@ enum Arguments {
         #[arg(long)]
         replay: bool,
     },
+}
+
+/// Whether claims are written down or computed anew.
+#[derive(clap::Args)]
+struct ClaimsArguments {
+    /// Write nothing; compute so many claims anew, drawn at random, and fail if a figure but a time differs from its page.
+    #[arg(long, value_name = "N")]
+    check: Option<usize>,
+    /// Seed of the draw.
+    #[arg(long, default_value_t = 0, requires = "check")]
+    seed: u64,
+    /// A folder with the clouds that this repository does not hold; without it only claims are drawn that need none.
+    #[arg(long, requires = "check")]
+    data: Option<PathBuf>,
+    /// Draw only claims whose figures stand on this page.
+    #[arg(long, requires = "check", value_name = "PAGE")]
+    only: Option<String>,
+}
+
+impl ClaimsArguments {
+    #[expect(clippy::print_stdout, reason = "a command-line program reports to its user")]
+    fn run(self, root: &Path) -> Result<()> {
+        let list = Claims::read(root)?;
+        let findings = match self.check {
+            None => {
+                claims::write(root, &list)?;
+                println!("{}\n{}", claims::PAGE, claims::count_line(&list));
+                list.findings(root)?
+            }
+            Some(count) => {
+                let again = Again { count, seed: self.seed, data: self.data.as_deref(), only: self.only.as_deref() };
+                let (compared, findings) = again.run(&list, root, &mut |line| println!("{line}"))?;
+                println!("{compared} claims computed anew, {} differ", findings.len());
+                findings
+            }
+        };
+        findings.iter().for_each(|finding| println!("{finding}"));
+        if !findings.is_empty() {
+            bail!("{} finding(s)", findings.len());
+        }
+        Ok(())
+    }
 }
 
 /// What of the corpus is fitted, and how.
@@ -228,155 +270,6 @@ enum Generate {
 }
 
 #[derive(Subcommand)]
-enum Train {
-    /// PARCNN, which parameterizes point sequences and grids. Run it in one thread: RAYON_NUM_THREADS=1.
-    Parcnn(ParcnnArguments),
-    /// BIDGCN, which parameterizes scattered clouds. Run it in one thread: RAYON_NUM_THREADS=1.
-    Bidgcn(ScatteredArguments),
-    /// DGCNN: BIDGCN without the boundary-informed input layer. Run it in one thread: RAYON_NUM_THREADS=1.
-    Dgcnn(ScatteredArguments),
-    /// PARGCN, which weighs the neighbours of scattered points. Run it in one thread: RAYON_NUM_THREADS=1.
-    Pargcn(ScatteredArguments),
-}
-
-/// What the trainings on scattered clouds are told.
-#[derive(clap::Args)]
-struct ScatteredArguments {
-    /// Steps, one cloud each.
-    #[arg(long)]
-    steps: u64,
-    /// Largest learning rate; 3e-3 by default, 1e-3 for PARGCN.
-    #[arg(long)]
-    rate: Option<f64>,
-    /// Seed of weights and clouds.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// The form as published: points are not turned into the frame of the boundary, and PARGCN is not guided.
-    #[arg(long)]
-    plain: bool,
-    /// In place of the neighbours within a radius, so many nearest ones.
-    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u16).range(3..))]
-    nearest: Option<u16>,
-    /// The folder of the run: checkpoint, weights, log and curve.
-    #[arg(long)]
-    out: PathBuf,
-    /// Go on from the checkpoint in the folder; rate, seed and form are then taken from it. With other `steps` the
-    /// rate goes on along the curve of the new length.
-    #[arg(long)]
-    resume: bool,
-    /// Minutes between checkpoints.
-    #[arg(long, default_value_t = 3.0)]
-    minutes: f64,
-}
-
-impl ScatteredArguments {
-    fn run<T: Training>(self, network: &str, rate: f64, options: impl Fn(&Self, f64) -> T::Options) -> Run<T> {
-        let rate = self.rate.unwrap_or(rate);
-        let nearest = self.nearest.map_or(String::new(), |count| format!(" --nearest {count}"));
-        let flag = format!("{}{nearest}", if self.plain { " --plain" } else { "" });
-        let command =
-            format!("cargo xtask train {network} --steps {} --rate {rate} --seed {}{flag}", self.steps, self.seed);
-        let options = options(&self, rate);
-        Run { options, out: self.out, resume: self.resume, minutes: self.minutes, patience: None, command }
-    }
-
-    fn message_passing(self, variant: Variant) -> Run<Trainer> {
-        self.run(variant.name(), 3e-3, |Self { steps, seed, plain, nearest, .. }, rate| TrainOptions {
-            variant,
-            frame: !plain,
-            neighbours: nearest.map_or(Neighbours::WithinRadius, Neighbours::Nearest),
-            steps: *steps,
-            rate,
-            seed: *seed,
-        })
-    }
-
-    fn pargcn(self) -> Run<PargcnTrainer> {
-        self.run("pargcn", 1e-3, |Self { steps, seed, plain, nearest, .. }, rate| PargcnTrainOptions {
-            form: if *plain { PargcnForm::Published } else { PargcnForm::Guided },
-            nearest: *nearest,
-            steps: *steps,
-            rate,
-            seed: *seed,
-        })
-    }
-}
-
-/// What `train parcnn` is told.
-#[derive(clap::Args)]
-struct ParcnnArguments {
-    /// Dimension N of the points: 2 or 3.
-    #[arg(long, value_parser = clap::value_parser!(u8).range(2..=3))]
-    dimension: u8,
-    /// Directions D: 1 for sequences, 2 for grids.
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=2))]
-    directions: u8,
-    /// Steps.
-    #[arg(long)]
-    steps: u64,
-    /// Sequences or grids a step.
-    #[arg(long, default_value_t = 32)]
-    batch: usize,
-    /// Largest learning rate.
-    #[arg(long, default_value_t = 2e-3)]
-    rate: f64,
-    /// Seed of weights and batches.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// The form as published, for this degree only.
-    #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u8).range(1..=8))]
-    plain: Option<u8>,
-    /// Layers of 30 channels before the last, as in Table 4.1; with --plain, in place of 4 or 5 of 100.
-    #[arg(long, requires = "plain")]
-    small: bool,
-    /// Sequences of 2d + 1 points only, as for Table 4.1.
-    #[arg(long)]
-    shortest: bool,
-    /// RMSprop with momentum and a constant rate, as published, in place of AdamW.
-    #[arg(long)]
-    rmsprop: bool,
-    /// Stop after so many validations without a new best, as published; by default all steps are taken.
-    #[arg(long)]
-    patience: Option<usize>,
-    /// The folder of the run: checkpoint, weights, log and curve.
-    #[arg(long)]
-    out: PathBuf,
-    /// Go on from the checkpoint in the folder; all but the number of steps is then taken from it.
-    #[arg(long)]
-    resume: bool,
-    /// Minutes between checkpoints.
-    #[arg(long, default_value_t = 3.0)]
-    minutes: f64,
-}
-
-impl ParcnnArguments {
-    fn run(self) -> Run<GridTrainer> {
-        let Self { dimension, directions, steps, batch, rate, seed, plain, small, .. } = self;
-        let form = match plain {
-            None => SHIPPED_FORM,
-            Some(degree) => {
-                let (blocks, width) = if small { (6, 30) } else { (3 + usize::from(directions), 100) };
-                Form::Published { degree: usize::from(degree), blocks, width }
-            }
-        };
-        let mut flags = plain.map_or(String::new(), |degree| format!(" --plain {degree}"));
-        for (set, flag) in [(small, " --small"), (self.shortest, " --shortest"), (self.rmsprop, " --rmsprop")] {
-            flags += if set { flag } else { "" };
-        }
-        let command = format!(
-            "cargo xtask train parcnn --dimension {dimension} --directions {directions} --steps {steps} --batch {batch} \
-             --rate {rate} --seed {seed}{flags}"
-        );
-        let architecture =
-            Architecture { dimension: usize::from(dimension), directions: usize::from(directions), form };
-        let recipe = if self.rmsprop { Recipe::RmsProp } else { Recipe::AdamW };
-        let options = GridTrainOptions { architecture, steps, batch, shortest: self.shortest, recipe, rate, seed };
-        let Self { out, resume, minutes, patience, .. } = self;
-        Run { options, out, resume, minutes, patience, command }
-    }
-}
-
-#[derive(Subcommand)]
 enum Tables {
     /// Tables 4.1 to 4.5: sequences and grids, learned and classical.
     Parcnn {
@@ -495,6 +388,34 @@ enum Tables {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Compute all pages anew that need no training, and fail if a figure but a time differs from the committed page by more
+    /// than a hundredth; writes nothing.
+    All {
+        /// A folder with the clouds that this repository does not hold.
+        #[arg(long, required_unless_present = "quick")]
+        data: Option<PathBuf>,
+        /// Without data: tables of generated clouds and of fixtures only, a few minutes.
+        #[arg(long, conflicts_with = "data")]
+        quick: bool,
+    },
+    /// Chapter 5 at the printed settings.
+    Printed {
+        /// A folder with the public clouds of the authors in `thesis/`; without it nothing is computed.
+        #[arg(long)]
+        data: Option<PathBuf>,
+        /// The file to write, docs/results/printed.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// What `train --recipe published` came to, from the logs in docs/results/training.
+    Published {
+        /// A folder with the folders of runs, whose logs are copied first.
+        #[arg(long)]
+        runs: Option<PathBuf>,
+        /// The file to write, docs/results/published.md by default.
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Every scan of a surface, fitted with the defaults: reported figures beside those of tests/peers/measure_step.py.
     Truth {
         /// A folder with the scans, by the names in xtask/src/tables/truth/files.rs; without it nothing is fitted.
@@ -522,16 +443,10 @@ enum Tables {
 fn main() -> Result<()> {
     let root = workspace_root();
     match Arguments::parse() {
+        Arguments::Claims(arguments) => arguments.run(&root)?,
         Arguments::Corpus(arguments) => arguments.run(&root)?,
         Arguments::CorpusRow { job } => println!("{}", corpus::run(&job)?),
-        Arguments::Train(Train::Parcnn(arguments)) => arguments.run().train(|line| println!("{line}"))?,
-        Arguments::Train(Train::Bidgcn(arguments)) => {
-            arguments.message_passing(Variant::Bidgcn).train(|line| println!("{line}"))?;
-        }
-        Arguments::Train(Train::Dgcnn(arguments)) => {
-            arguments.message_passing(Variant::Dgcnn).train(|line| println!("{line}"))?;
-        }
-        Arguments::Train(Train::Pargcn(arguments)) => arguments.pargcn().train(|line| println!("{line}"))?,
+        Arguments::Train(train) => train.run(&mut |line| println!("{line}"))?,
         Arguments::Figures { data: None, .. } => println!("skipped: the figures need --data DIR"),
         Arguments::Figures { data: Some(data), out } => {
             let figures = tables::moving::figures(&data, &mut |line| println!("{line}"))?;
@@ -584,6 +499,16 @@ fn main() -> Result<()> {
             let layout = layout.unwrap_or(kind.layout());
             Sample { kind, layout, points, noise, seed }.write(&out)?;
         }
+    }
+    Ok(())
+}
+
+/// Fails if a page that is computed anew differs.
+fn compare_pages(root: &Path, data: Option<&Path>, say: &mut dyn FnMut(&str)) -> Result<()> {
+    let findings = tables::all::compare(root, data, say)?;
+    findings.iter().for_each(|finding| say(finding));
+    if !findings.is_empty() {
+        bail!("{} figure(s) differ", findings.len());
     }
     Ok(())
 }
@@ -645,6 +570,22 @@ fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result
             let truth =
                 tables::truth::Truth { data: &data, python: &python, only: only.as_deref(), cache: &cache, resume };
             ("truth", out, None, tables::truth::document(&truth, say)?)
+        }
+        Tables::All { data, .. } => return compare_pages(root, data.as_deref(), say),
+        Tables::Printed { data, out } => {
+            let Some(data) = data else {
+                say("skipped: the page needs --data DIR");
+                return Ok(());
+            };
+            ("printed", out, None, tables::moving::printed_settings(&data, say)?)
+        }
+        Tables::Published { runs, out } => {
+            if let Some(runs) = runs {
+                say(&format!("{} runs", tables::published::collect(root, &runs)?));
+            }
+            let picture = [("published.svg", tables::published::curves(root)?)];
+            tables::moving::write_figures(&picture, &root.join(FIGURES))?;
+            ("published", out, None, tables::published::document(root)?)
         }
         Tables::Classical { data, out } => {
             let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");

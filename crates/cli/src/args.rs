@@ -583,6 +583,7 @@ impl LayoutArgs {
             refine: self.refine,
             networks: self.networks,
             subset: self.subset,
+            told: None,
         }
     }
 }

@@ -40,8 +40,8 @@ pub use pargcn::{Pargcn, PargcnForm, PargcnOptions};
 pub use synthetic::{ControlPoints, ScatteredCloud, ScatteredSpec, stream};
 #[cfg(feature = "candle")]
 pub use train::{
-    Comparison, GridScore, GridTrainOptions, GridTrainer, GridValidation, PargcnTrainOptions, PargcnTrainer, Recipe,
-    Score, StepReport, TrainOptions, Trainer, Validation,
+    Comparison, ComparisonOptions, ComparisonTrainer, GridScore, GridTrainOptions, GridTrainer, GridValidation,
+    PargcnTrainOptions, PargcnTrainer, Recipe, Score, StepReport, TrainOptions, Trainer, Validation,
 };
 
 // Named so that its feature `x86-v4` reaches the products of candle.

@@ -85,7 +85,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
     let _guard = span.enter();
     let source = Source::of(&scan, name, options);
     let read = ReadPoints::of(&scan);
-    let laid_out = parameterize(scan, &options.parameters, watch)?;
+    let laid_out = parameterize(scan, &options.told_parameters(), watch)?;
     let asked = Asked::of(options, &laid_out)?;
     let chosen = fit_laid_out(&laid_out, &asked, watch)?;
     let mut warnings = laid_out.warnings.clone();

@@ -74,8 +74,8 @@ pub use methods::ReweightingReport;
 pub use options::{
     BlendChoice, BoundaryChoice, Clean, Closed, Crop, Domain, Energy, FitOptions, GivenCorners, LambdaChoice,
     LocalRule, LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions,
-    ParseOptionError, Policy, QuasiOptions, RadiusChoice, Refine, ReweightingOptions, Samples, SideRule, Tolerance,
-    UpdateChoice,
+    ParseOptionError, Policy, QuasiOptions, RadiusChoice, Refine, ReweightingOptions, Samples, SideRule, ToldSpline,
+    Tolerance, UpdateChoice,
 };
 pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};

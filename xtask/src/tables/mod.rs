@@ -1,5 +1,6 @@
 //! Published tables, computed anew from seeds and set beside the printed figures.
 
+pub mod all;
 pub mod bidgcn;
 pub mod box_splines;
 pub mod classical;
@@ -10,6 +11,7 @@ pub(crate) mod markdown;
 pub mod moving;
 pub mod parcnn;
 pub mod pargcn;
+pub mod published;
 pub mod qi;
 pub mod rwls;
 mod shapes;

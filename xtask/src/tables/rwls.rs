@@ -511,7 +511,7 @@ auto has no tolerance.
 const CONCLUSIONS: &str = "
 ## What the tables say
 
-**Outliers.** On all six clouds the robust fits have an RMSE at most 1.15 times that of the fit to the clean points, with up to a third more
+**Outliers.** On all six clouds the robust fits have an RMSE at most 1.15 times that of the fit to the clean points, with up to 36 % more
 DOFs; least squares has 17 times and more, and refines until there are as many DOFs as points. What is wrongly set aside are points
 at cusps and sharp edges; the largest errors of the head are there.
 
@@ -521,6 +521,6 @@ some per cent: it needs markers whose weight is small from the start. With these
 **Figure 3.7.** From ε = 5e-3 on, rWLS has fewer DOFs and a smaller MAX than LS; with λ = 1e-6 the MAX of LS ends at 7e-3, at the
 cusps, whatever the DOFs. For the two coarsest fits there is no rWLS with fewer DOFs that is better.
 
-**Smoothing.** gcv is within 4 % of the best λ everywhere, in at most 3.1 times the time of one fit. auto keeps noise that has no
+**Smoothing.** gcv is within 4 % of the best λ everywhere, in at most 3.5 times the time of one fit. auto keeps noise that has no
 tolerance; the more so the larger it is.
 ";

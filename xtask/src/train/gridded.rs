@@ -1,11 +1,14 @@
 //! Training of PARCNN.
 
-use param_nn::{GridScore, GridTrainOptions, GridTrainer, GridValidation, NnError, StepReport};
+use param_nn::{Form, GridScore, GridTrainOptions, GridTrainer, GridValidation, NnError, StepReport};
 
 use super::{Judged, Training, VALIDATION_SEED};
 
 /// Items of each degree and kind that a validation takes.
 const VALIDATION_ITEMS: u64 = 40;
+
+/// Items of each length that a validation of the published recipe takes.
+pub(super) const PUBLISHED_VALIDATION: u64 = 500;
 
 impl Training for GridTrainer {
     type Options = GridTrainOptions;
@@ -40,15 +43,25 @@ impl Training for GridTrainer {
     }
 
     fn validation(&self) -> Result<GridValidation, NnError> {
-        GridValidation::new(self.options().architecture, VALIDATION_SEED, VALIDATION_ITEMS)
+        let GridTrainOptions { architecture, recipe, shortest, .. } = *self.options();
+        match architecture.form {
+            Form::Published { degree, .. } if recipe.is_published() => {
+                GridValidation::published(architecture, degree, shortest, VALIDATION_SEED, PUBLISHED_VALIDATION)
+            }
+            _ => GridValidation::new(architecture, VALIDATION_SEED, VALIDATION_ITEMS),
+        }
     }
 
     fn judge(&self, validation: &GridValidation, command: &str) -> Judged {
         let network = self.network(command);
-        let columns = |GridScore { kind, mse, standard }| {
-            [(format!("mse {kind}"), format!("{mse:.4e}")), (format!("std {kind}"), format!("{standard:.4e}"))]
-        };
-        let columns = validation.scores(&network).into_iter().flat_map(columns).collect();
-        Judged { weights: network.to_bytes(), columns }
+        Judged { weights: network.to_bytes(), columns: columns(validation.scores(&network)) }
     }
+}
+
+/// Columns of the log, two for each kind of items.
+pub(super) fn columns(scores: Vec<GridScore>) -> Vec<(String, String)> {
+    let of_kind = |GridScore { kind, mse, standard }| {
+        [(format!("mse {kind}"), format!("{mse:.4e}")), (format!("std {kind}"), format!("{standard:.4e}"))]
+    };
+    scores.into_iter().flat_map(of_kind).collect()
 }

@@ -1,9 +1,13 @@
 //! Training of the networks: progress, checkpoints and learning curves as files.
 
+mod arguments;
+mod comparison;
 mod curve;
 mod gridded;
 mod pargcn;
 mod scattered;
+
+pub use self::arguments::Train;
 
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};
@@ -95,6 +99,8 @@ pub struct Run<T: Training> {
     pub resume: bool,
     /// Minutes between validations; each writes checkpoint, weights, log and curve.
     pub minutes: f64,
+    /// In place of minutes, steps between validations; checkpoints are then written between them, too.
+    pub every: Option<u64>,
     /// Validations without a new best mean error after which the run ends; without it, it takes all its steps.
     pub patience: Option<usize>,
     /// The command, for the notes in the weights.
@@ -111,7 +117,8 @@ impl<T: Training> Run<T> {
         let path = |name: &str| self.out.join(name);
         let (mut trainer, mut log) = if self.resume {
             let bytes = std::fs::read(path(CHECKPOINT)).context("no checkpoint to go on from")?;
-            let log = std::fs::read_to_string(path(LOG)).context("no log to go on with")?;
+            // There is none before the first validation.
+            let log = std::fs::read_to_string(path(LOG)).unwrap_or_default();
             (T::go_on(&bytes, &self.options)?, log)
         } else {
             ensure!(!path(CHECKPOINT).exists(), "{} holds a run; go on with --resume", self.out.display());
@@ -124,11 +131,17 @@ impl<T: Training> Run<T> {
         let seconds_before: f64 = log.lines().last().and_then(|l| l.split(',').nth(1)?.parse().ok()).unwrap_or(0.0);
         let start = Instant::now();
         let (mut last, mut sum, mut count) = (Instant::now(), 0.0, 0u32);
+        let (mut saved, pause) = (Instant::now(), Duration::from_secs_f64(60.0 * self.minutes));
         while trainer.progress().0 < trainer.progress().1 {
             let report = trainer.step()?;
             (sum, count) = (sum + report.mse, count + 1);
             let (done, steps) = trainer.progress();
-            if last.elapsed() < Duration::from_secs_f64(60.0 * self.minutes) && done != steps {
+            let is_due = self.every.map_or(last.elapsed() >= pause, |every| done.is_multiple_of(every));
+            if !is_due && done != steps {
+                if self.every.is_some() && saved.elapsed() >= pause {
+                    replace(&path(CHECKPOINT), &trainer.checkpoint(&self.command))?;
+                    saved = Instant::now();
+                }
                 continue;
             }
             let step_time = last.elapsed().as_secs_f64() * 1e3 / f64::from(count);
@@ -152,7 +165,7 @@ impl<T: Training> Run<T> {
             if self.patience.is_some_and(|patience| stagnates(&log, patience)) {
                 break;
             }
-            (last, sum, count) = (Instant::now(), 0.0, 0);
+            (last, sum, count, saved) = (Instant::now(), 0.0, 0, Instant::now());
         }
         Ok(())
     }
@@ -182,8 +195,8 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
 mod tests {
     use super::*;
     use param_nn::{
-        Architecture, Bidgcn, GridTrainOptions, GridTrainer, Neighbours, Parcnn, Recipe, SHIPPED_FORM, TrainOptions,
-        Trainer, Variant,
+        Architecture, Bidgcn, ComparisonNetwork, ComparisonOptions, ComparisonTrainer, GridTrainOptions, GridTrainer,
+        Neighbours, Parcnn, Recipe, SHIPPED_FORM, TrainOptions, Trainer, Variant,
     };
 
     #[test]
@@ -193,6 +206,7 @@ mod tests {
             variant: Variant::Bidgcn,
             frame: true,
             neighbours: Neighbours::WithinRadius,
+            recipe: Recipe::AdamW,
             steps: 2,
             rate: 1e-3,
             seed: 1,
@@ -202,6 +216,7 @@ mod tests {
             out: folder.clone(),
             resume: false,
             minutes: 1e9,
+            every: None,
             patience: None,
             command: "test".into(),
         };
@@ -216,6 +231,38 @@ mod tests {
         let log = std::fs::read_to_string(folder.join(LOG)).unwrap();
         let columns: Vec<usize> = log.lines().map(|line| line.split(',').count()).collect();
         assert_eq!(columns, [7 + 3 * 5; 2], "{log}");
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn validations_come_every_so_many_steps() {
+        let folder = std::env::temp_dir().join(format!("train-compared-{}", std::process::id()));
+        let options = ComparisonOptions {
+            network: ComparisonNetwork::Mlp,
+            degree: 2,
+            steps: 5,
+            batch: 2,
+            recipe: Recipe::RmsProp,
+            rate: 1e-5,
+            seed: 1,
+        };
+        let run = Run::<ComparisonTrainer> {
+            options,
+            out: folder.clone(),
+            resume: false,
+            minutes: 0.0,
+            every: Some(2),
+            patience: None,
+            command: "test".into(),
+        };
+        run.train(|_| ()).unwrap();
+        let log = std::fs::read_to_string(folder.join(LOG)).unwrap();
+        let steps: Vec<&str> = log.lines().skip(1).filter_map(|line| line.split(',').next()).collect();
+        assert_eq!(steps, ["2", "4", "5"]);
+        // A run that was stopped before its first validation goes on, too.
+        std::fs::remove_file(folder.join(LOG)).unwrap();
+        Run { resume: true, options: ComparisonOptions { steps: 6, ..options }, ..run }.train(|_| ()).unwrap();
+        assert_eq!(std::fs::read_to_string(folder.join(LOG)).unwrap().lines().count(), 2);
         std::fs::remove_dir_all(folder).unwrap();
     }
 
@@ -243,6 +290,7 @@ mod tests {
             out: folder.clone(),
             resume: false,
             minutes: 1e9,
+            every: None,
             patience: None,
             command: "test".into(),
         };

@@ -1,8 +1,11 @@
 //! Training of PARGCN.
 
-use param_nn::{NnError, PargcnTrainOptions, PargcnTrainer, StepReport, Validation};
+use param_nn::{NnError, PargcnForm, PargcnTrainOptions, PargcnTrainer, StepReport, Validation};
 
 use super::{Judged, Training, VALIDATION_SEED, scattered};
+
+/// Clouds of the published validation (Imperatore 2024, §4.2.6).
+const PUBLISHED_VALIDATION: u64 = 2_500;
 
 impl Training for PargcnTrainer {
     type Options = PargcnTrainOptions;
@@ -37,7 +40,10 @@ impl Training for PargcnTrainer {
     }
 
     fn validation(&self) -> Result<Validation, NnError> {
-        Validation::small(VALIDATION_SEED, scattered::VALIDATION_CLOUDS)
+        match self.options().form {
+            PargcnForm::Published => Validation::published_pargcn(VALIDATION_SEED, PUBLISHED_VALIDATION),
+            PargcnForm::Guided => Validation::small(VALIDATION_SEED, scattered::VALIDATION_CLOUDS),
+        }
     }
 
     fn judge(&self, validation: &Validation, command: &str) -> Judged {

@@ -7,6 +7,10 @@ use super::{Judged, Training, VALIDATION_SEED};
 /// Clouds of each kind that a validation takes.
 pub(super) const VALIDATION_CLOUDS: u64 = 25;
 
+/// Clouds of a validation of the published recipe. The authors' program takes 20,000 once an epoch; these are judged on far
+/// more often.
+const PUBLISHED_VALIDATION: u64 = 250;
+
 impl Training for Trainer {
     type Options = TrainOptions;
     type Validation = Validation;
@@ -40,7 +44,10 @@ impl Training for Trainer {
     }
 
     fn validation(&self) -> Result<Validation, NnError> {
-        Validation::new(VALIDATION_SEED, VALIDATION_CLOUDS)
+        match self.options().recipe.is_published() {
+            true => Validation::published_bidgcn(VALIDATION_SEED, PUBLISHED_VALIDATION),
+            false => Validation::new(VALIDATION_SEED, VALIDATION_CLOUDS),
+        }
     }
 
     fn judge(&self, validation: &Validation, command: &str) -> Judged {

@@ -6,8 +6,6 @@ use candle_core::{CpuStorage, CustomOp1, D, Device, Error, IndexOp, Result, Shap
 use candle_nn::ops::softmax;
 use rand::RngExt;
 
-use super::fit::SplineSpace;
-use super::grid::Grid;
 use super::pass::Task;
 use crate::synthetic::stream;
 
@@ -41,7 +39,7 @@ const WEIGHT_STREAM: u64 = u64::MAX;
 pub enum ComparisonNetwork {
     /// Seven fully connected layers of 100 units.
     Mlp,
-    /// Six encoder layers on edges as words of two numbers, a convolution behind them. Without dropout. The normalization
+    /// Six encoder layers on edges as words of two numbers, a convolution behind them. The normalization
     /// of two numbers leaves their order only, so what it reads is two kinds of words at most: parameters stay uniform, and
     /// the printed errors are those of uniform parameters.
     Transformer,
@@ -105,6 +103,21 @@ impl ComparisonNetwork {
         tensors
     }
 
+    /// Its name in files and commands.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mlp => "mlp",
+            Self::Transformer => "tra",
+            Self::Residual => "res",
+            Self::Ppn => "ppn",
+        }
+    }
+
+    /// The network of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        [Self::Mlp, Self::Transformer, Self::Residual, Self::Ppn].into_iter().find(|network| network.name() == name)
+    }
+
     /// Number of weights for sequences of 2d + 1 points.
     pub fn weights(self, degree: usize) -> usize {
         self.tensors(degree).iter().map(|(shape, _)| shape.iter().product::<usize>()).sum()
@@ -129,6 +142,17 @@ impl ComparisonNetwork {
 
     /// Logits of the steps, shape `(b, 2d)`, from edges, shape `(b, 2d, 2)`.
     pub(crate) fn logits(self, degree: usize, theta: &Tensor, edges: &Tensor) -> Result<Tensor> {
+        self.logits_in_training(degree, theta, edges, &mut |x| Ok(x))
+    }
+
+    /// The same; what a transformer computes goes through `dropout`.
+    pub(crate) fn logits_in_training(
+        self,
+        degree: usize,
+        theta: &Tensor,
+        edges: &Tensor,
+        dropout: &mut dyn FnMut(Tensor) -> Result<Tensor>,
+    ) -> Result<Tensor> {
         let mut weights = Weights { theta, tensors: self.tensors(degree).into_iter(), at: 0 };
         let (batch, count, _) = edges.dims3()?;
         match self {
@@ -140,7 +164,7 @@ impl ComparisonNetwork {
                 // An output each point: the first moves all parameters by the same amount and drops out.
                 weights.linear(&x)?.i((.., 1..))?.contiguous()
             }
-            Self::Transformer => weights.transformer(edges, 2 * degree + 1),
+            Self::Transformer => weights.transformer(edges, 2 * degree + 1, dropout),
             Self::Residual => weights.residual(edges, 2 * degree + 1),
             Self::Ppn => {
                 let mut x = weights.linear(&edges.reshape((batch, count * PLANE))?)?.relu()?;
@@ -205,7 +229,12 @@ impl Weights<'_> {
         centred.broadcast_div(&deviation)?.broadcast_mul(&scale)?.broadcast_add(&shift)
     }
 
-    fn transformer(&mut self, edges: &Tensor, kernel: usize) -> Result<Tensor> {
+    fn transformer(
+        &mut self,
+        edges: &Tensor,
+        kernel: usize,
+        dropout: &mut dyn FnMut(Tensor) -> Result<Tensor>,
+    ) -> Result<Tensor> {
         let (batch, count, _) = edges.dims3()?;
         let rows = batch * count;
         // Normalizations stand behind all linear layers: eight tensors an encoder, two of the convolution.
@@ -219,12 +248,12 @@ impl Weights<'_> {
                 let part = |k: usize| projected.narrow(2, k * PLANE + head, 1)?.contiguous();
                 let (query, key, value) = (part(0)?, part(1)?, part(2)?);
                 let scores = query.broadcast_mul(&key.reshape((batch, 1, count))?)?;
-                heads.push(softmax(&scores, D::Minus1)?.matmul(&value)?);
+                heads.push(dropout(softmax(&scores, D::Minus1)?)?.matmul(&value)?);
             }
             let attended = self.linear(&Tensor::cat(&heads, 2)?.reshape((rows, PLANE))?)?;
-            x = norms.normalize(&(x + attended)?, 1)?;
-            let inner = self.linear(&x)?.relu()?;
-            let outer = self.linear(&inner)?;
+            x = norms.normalize(&(x + dropout(attended)?)?, 1)?;
+            let inner = dropout(self.linear(&x)?.relu()?)?;
+            let outer = dropout(self.linear(&inner)?)?;
             x = norms.normalize(&(x + outer)?, 1)?;
         }
         self.convolve(&x.reshape((batch, count, PLANE))?, kernel)?.squeeze(2)
@@ -324,16 +353,10 @@ pub(crate) fn random_tasks(
     step: u64,
 ) -> std::result::Result<Vec<Task>, crate::NnError> {
     use crate::gridded::{GriddedSpec, Shape as Kind};
-    let size = [2 * degree + 1, 1];
-    let spec = GriddedSpec { shape: Kind::Curve { degree, dimension: PLANE }, size, noise: 0.0 };
+    let shape = Kind::Curve { degree, dimension: PLANE };
+    let spec = GriddedSpec { shape, size: [2 * degree + 1, 1], noise: 0.0 };
     let mut random = stream(seed, step);
-    (0..batch)
-        .map(|_| {
-            let points = spec.sample(&mut random)?.points;
-            let xyz = points.rows().into_iter().map(|p| [p[0], p[1], 0.0]).collect();
-            Ok(Task::new(Grid { xyz, size, dimension: PLANE }, SplineSpace::polynomials(degree)))
-        })
-        .collect()
+    (0..batch).map(|_| Ok(Task::of_sample(&spec.sample(&mut random)?, degree))).collect()
 }
 
 /// Steps of a long sequence from those of all its windows of equal length, one edge apart: in logarithms, every window is

@@ -143,6 +143,22 @@ impl Layout {
     }
 }
 
+impl Layout {
+    /// Weights and biases of the published form within ±1/√inputs, which PyTorch takes where nothing is said.
+    pub(crate) fn default_weights(&self, seed: u64) -> Vec<f32> {
+        let mut random = stream(seed, WEIGHT_STREAM);
+        let mut theta = vec![0.0; self.len()];
+        for Convolution { taps, inputs, weights, bias } in &self.convolutions {
+            let bound = 1.0 / ((taps.len() * inputs) as f32).sqrt();
+            for range in [weights, bias] {
+                let part = &mut theta[range.clone()];
+                part.iter_mut().for_each(|x| *x = bound * (2.0 * random.random::<f32>() - 1.0));
+            }
+        }
+        theta
+    }
+}
+
 /// Adds a tensor; `random` weights have a number of inputs, others start as zero.
 fn tensor(slots: &mut Slots, name: String, shape: [usize; 2], inputs: Option<usize>) -> Range<usize> {
     slots.add(name, shape, inputs.is_some(), inputs)

@@ -5,7 +5,7 @@ mod axes;
 pub(crate) mod comparison;
 mod curve;
 mod features;
-mod fit;
+pub(crate) mod fit;
 pub(crate) mod grid;
 pub(crate) mod layout;
 pub(crate) mod model;

@@ -1,10 +1,13 @@
 //! One pass of a network over a batch of grids of equal size.
 
+use ndarray::ArrayView1;
+
 use super::features;
 use super::fit::SplineSpace;
 use super::grid::{Grid, State};
 use super::layout::{Form, Layout};
 use super::network::{Keep, Rows, Tape, backward, forward};
+use crate::gridded::GriddedCloud;
 use crate::real::Real;
 
 /// A grid and the splines that its parameters are for.
@@ -19,6 +22,14 @@ impl Task {
     pub(crate) fn new(grid: Grid, space: SplineSpace) -> Self {
         let across = if grid.directions() == 2 { space } else { super::fit::CONSTANTS };
         Self { grid, spaces: [space, across] }
+    }
+
+    /// Polynomials of a degree through a random grid.
+    pub(crate) fn of_sample(sample: &GriddedCloud, degree: usize) -> Self {
+        let place = |p: ArrayView1<'_, f64>| std::array::from_fn(|k| p.get(k).copied().unwrap_or(0.0));
+        let xyz = sample.points.rows().into_iter().map(place).collect();
+        let grid = Grid { xyz, size: sample.size, dimension: sample.points.ncols() };
+        Self::new(grid, SplineSpace::polynomials(degree))
     }
 
     pub(crate) fn classical_state(&self) -> State {

@@ -5,6 +5,7 @@ mod data;
 mod gridded;
 mod optimizer;
 mod pargcn;
+mod schedule;
 mod state;
 mod validation;
 
@@ -14,13 +15,15 @@ use std::sync::Arc;
 use candle_core::{Device, Tensor, Var};
 use rand::RngExt;
 
-pub use self::comparison::Comparison;
+pub use self::comparison::{Comparison, ComparisonOptions, ComparisonTrainer};
 pub use self::gridded::{GridScore, GridTrainOptions, GridTrainer, GridValidation};
 pub use self::optimizer::Recipe;
 pub use self::pargcn::{PargcnTrainOptions, PargcnTrainer};
+use self::schedule::{Epochs, Plateau};
 use self::state::{State, needed};
 pub use self::validation::{Score, Validation};
 use crate::archive::Archive;
+use crate::bidgcn::cloud::Cloud;
 use crate::bidgcn::layout::{Layout, Variant};
 use crate::bidgcn::midpoints::with_midpoints;
 use crate::bidgcn::op::{Network, PatchError};
@@ -28,7 +31,7 @@ use crate::bidgcn::{Bidgcn, Reading};
 use crate::error::NnError;
 use crate::graph::Neighbours;
 use crate::slots::Slot;
-use crate::synthetic::stream;
+use crate::synthetic::{ControlPoints, ScatteredSpec, stream};
 
 /// Steps of linear warm-up of the rate.
 const RATE_WARM_UP: f64 = 500.0;
@@ -51,6 +54,11 @@ const SIZES: [f64; 2] = [100.0, 2000.0];
 const DENSE_SHARE: f64 = 0.5;
 const LARGEST_DENSE: usize = 500;
 
+/// The published clouds of BIDGCN: how many, and their patches (Imperatore 2024, §4.3.4).
+const PUBLISHED_CLOUDS: u64 = 100_000;
+const PUBLISHED: ScatteredSpec =
+    ScatteredSpec { control_points: ControlPoints::Jittered, degree: 2, interior: 1000, noise: 0.0 };
+
 /// Streams of random numbers: steps count from 0 on, the initial weights stand apart.
 const WEIGHT_STREAM: u64 = u64::MAX;
 
@@ -63,6 +71,8 @@ pub struct TrainOptions {
     pub frame: bool,
     /// Which points are neighbours.
     pub neighbours: Neighbours,
+    /// How weights move: [`Recipe::AdamW`] on fresh clouds of all kinds, or [`Recipe::Sgd`] on the published clouds.
+    pub recipe: Recipe,
     /// Steps of the whole run.
     pub steps: u64,
     /// Largest learning rate.
@@ -77,6 +87,8 @@ pub struct Trainer {
     options: TrainOptions,
     layout: Arc<Layout>,
     state: State,
+    epochs: Epochs,
+    plateau: Plateau,
 }
 
 /// What a step met.
@@ -120,8 +132,9 @@ impl Trainer {
     /// A run from its start.
     pub fn new(options: TrainOptions) -> Self {
         let layout = Arc::new(Layout::new(options.variant));
-        let state = State::new(initial_weights(layout.slots(), options.seed), Recipe::AdamW);
-        Self { options, layout, state }
+        let state = State::new(initial_weights(layout.slots(), options.seed), options.recipe);
+        let (epochs, plateau) = (Epochs::new(PUBLISHED_CLOUDS), Plateau::new(PUBLISHED_CLOUDS));
+        Self { options, layout, state, epochs, plateau }
     }
 
     /// Steps done.
@@ -144,11 +157,38 @@ impl Trainer {
         self.state.clipped_share()
     }
 
-    /// One step on a fresh cloud.
+    /// One step on a cloud.
     ///
     /// # Errors
     /// [`NnError::Training`].
     pub fn step(&mut self) -> Result<StepReport, NnError> {
+        if self.options.recipe.is_published() { self.published_step() } else { self.our_step() }
+    }
+
+    /// On one of the published clouds: the mean over points and coordinates of the squared error, in double precision.
+    fn published_step(&mut self) -> Result<StepReport, NnError> {
+        let step = self.state.steps();
+        let item = self.epochs.item(self.options.seed, step);
+        let cloud = Cloud::of_sample(&PUBLISHED.sample(&mut stream(self.options.seed, item))?);
+        let input = Arc::new(cloud.input::<f64>(self.options.frame, self.options.neighbours));
+        let differentiate = || -> candle_core::Result<(f64, Vec<f64>)> {
+            let theta = Var::from_vec(self.state.double_weights(), self.state.theta.len(), &Device::Cpu)?;
+            let logits = theta.as_tensor().apply_op1(Network::new(self.layout.clone(), input))?;
+            let boundary_uv = Arc::new(cloud.boundary_uv().to_vec());
+            let error = PatchError::new(Arc::new(cloud.xyz.clone()), boundary_uv, PUBLISHED.degree);
+            let error = candle_nn::ops::sigmoid(&logits)?.apply_op1(error)?;
+            let gradients = (&error / 3.0)?.backward()?;
+            let gradient = gradients.get(&theta).ok_or_else(|| candle_core::Error::msg("no gradient"))?;
+            Ok((error.to_scalar::<f64>()?, gradient.to_vec1()?))
+        };
+        let (mse, gradient) = differentiate().map_err(|e| NnError::Training { step, reason: e.to_string() })?;
+        let report = self.state.advance(mse, &gradient, self.options.rate * self.plateau.factor())?;
+        self.plateau.advance(step, mse);
+        Ok(report)
+    }
+
+    /// On a fresh cloud.
+    fn our_step(&mut self) -> Result<StepReport, NnError> {
         let step = self.state.steps();
         let progress = step as f64 / self.options.steps.max(1) as f64;
         let supervised = (1.0 - progress / SUPERVISED_SHARE).max(0.0);
@@ -182,9 +222,10 @@ impl Trainer {
 
     /// The network with averaged weights, and notes on how it came about.
     pub fn network(&self, command: &str) -> Bidgcn {
-        let TrainOptions { variant, frame, neighbours, steps, rate, seed } = self.options;
+        let TrainOptions { variant, frame, neighbours, recipe, steps, rate, seed } = self.options;
         let notes = self.state.notes([
             ("command", command.to_owned()),
+            ("recipe", recipe.name().to_owned()),
             ("seed", seed.to_string()),
             ("rate", rate.to_string()),
             ("steps", steps.to_string()),
@@ -195,7 +236,9 @@ impl Trainer {
 
     /// All that is needed to go on: a weights file with further tensors.
     pub fn checkpoint(&self, command: &str) -> Vec<u8> {
-        self.state.checkpoint(self.network(command).to_archive())
+        let mut archive = self.network(command).to_archive();
+        self.plateau.write(&mut archive);
+        self.state.checkpoint(archive)
     }
 
     /// Goes on from a checkpoint, bit by bit as if never stopped.
@@ -209,12 +252,14 @@ impl Trainer {
             variant: network.variant,
             frame: network.frame,
             neighbours: network.neighbours,
+            recipe: Recipe::named(archive.metadata.get("recipe")),
             steps: needed(&archive, "steps")?,
             rate: needed(&archive, "rate")?,
             seed: needed(&archive, "seed")?,
         };
-        let state = State::resume(&archive, network.theta, Recipe::AdamW)?;
-        Ok(Self { options, layout: network.layout, state })
+        let state = State::resume(&archive, network.theta, options.recipe)?;
+        let plateau = Plateau::read(&archive, PUBLISHED_CLOUDS)?;
+        Ok(Self { options, layout: network.layout, state, epochs: Epochs::new(PUBLISHED_CLOUDS), plateau })
     }
 }
 
@@ -226,6 +271,7 @@ mod tests {
         variant: Variant::Bidgcn,
         frame: true,
         neighbours: Neighbours::WithinRadius,
+        recipe: Recipe::AdamW,
         steps: 1000,
         rate: 1e-3,
         seed: 3,
@@ -233,13 +279,26 @@ mod tests {
 
     #[test]
     fn a_resumed_run_takes_the_same_steps() {
-        let mut trainer = Trainer::new(OPTIONS);
-        for _ in 0..2 {
-            trainer.step().unwrap();
+        for recipe in [Recipe::AdamW, Recipe::Sgd] {
+            let mut trainer = Trainer::new(TrainOptions { recipe, ..OPTIONS });
+            for _ in 0..2 {
+                trainer.step().unwrap();
+            }
+            let mut resumed = Trainer::resume(&trainer.checkpoint("test")).unwrap();
+            assert_eq!(resumed.options(), trainer.options());
+            assert_eq!(trainer.step().unwrap(), resumed.step().unwrap());
+            assert_eq!(trainer.checkpoint("test"), resumed.checkpoint("test"));
         }
-        let mut resumed = Trainer::resume(&trainer.checkpoint("test")).unwrap();
-        assert_eq!(trainer.step().unwrap(), resumed.step().unwrap());
-        assert_eq!(trainer.checkpoint("test"), resumed.checkpoint("test"));
+    }
+
+    #[test]
+    fn published_steps_move_against_the_gradient_by_the_rate() {
+        let mut trainer = Trainer::new(TrainOptions { frame: false, recipe: Recipe::Sgd, rate: 0.1, ..OPTIONS });
+        let before = trainer.state.double_weights();
+        let report = trainer.step().unwrap();
+        let after = trainer.state.double_weights();
+        let moved = before.iter().zip(&after).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        assert!((moved / (0.1 * report.gradient) - 1.0).abs() < 1e-6, "{moved} {report:?}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::optimizer::Recipe;
+use super::schedule::Epochs;
 use super::state::{State, needed, note};
 use super::{LAST_RATE, StepReport, cosine_rate, data, initial_weights};
 use crate::archive::Archive;
@@ -19,8 +20,10 @@ use crate::synthetic::{ControlPoints, ScatteredSpec, stream};
 /// Interior points of the smallest and the largest cloud of the guided form.
 const SIZES: [f64; 2] = [80.0, 500.0];
 
-/// Interior points of the published clouds, and the degree of their patches (Imperatore 2024, §4.2.6).
-const PUBLISHED: (usize, usize) = (200, 2);
+/// The published clouds and how many of them are trained on (Imperatore 2024, §4.2.6).
+pub(super) const PUBLISHED: ScatteredSpec =
+    ScatteredSpec { control_points: ControlPoints::Greville, degree: 2, interior: 200, noise: 0.0 };
+const PUBLISHED_CLOUDS: u64 = 10_000;
 
 /// The guided form is trained on the root of the mean squared error, so that clouds with large errors do not drown the
 /// others; to the square a floor is added, far below what any parameters leave.
@@ -29,7 +32,7 @@ const FLOOR: f64 = 1e-8;
 /// What to train.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PargcnTrainOptions {
-    /// The form; the published one is trained on the published clouds, on the mean squared error.
+    /// The form; the published one is trained as published: on the mean squared error of a fixed set of clouds, by Adam.
     pub form: PargcnForm,
     /// In place of the radius graph, so many nearest neighbours.
     pub nearest: Option<u16>,
@@ -50,6 +53,13 @@ impl PargcnTrainOptions {
             Some(count) => PargcnOptions { nearest: true, neighbours: usize::from(count), ..radius },
         }
     }
+
+    fn recipe(&self) -> Recipe {
+        match self.form {
+            PargcnForm::Published => Recipe::Adam,
+            PargcnForm::Guided => Recipe::AdamW,
+        }
+    }
 }
 
 /// A training run of [`Pargcn`].
@@ -58,6 +68,7 @@ pub struct PargcnTrainer {
     options: PargcnTrainOptions,
     layout: Arc<Layout>,
     state: State,
+    epochs: Epochs,
 }
 
 impl PargcnTrainer {
@@ -68,7 +79,8 @@ impl PargcnTrainer {
         if options.form == PargcnForm::Guided {
             theta[layout.last.clone()].fill(0.0);
         }
-        Self { options, layout: Arc::new(layout), state: State::new(theta, Recipe::AdamW) }
+        let state = State::new(theta, options.recipe());
+        Self { options, layout: Arc::new(layout), state, epochs: Epochs::new(PUBLISHED_CLOUDS) }
     }
 
     /// Steps done.
@@ -91,7 +103,7 @@ impl PargcnTrainer {
         self.state.clipped_share()
     }
 
-    /// One step on a fresh cloud.
+    /// One step on a cloud.
     ///
     /// # Errors
     /// [`NnError::Training`]; those of the map.
@@ -101,17 +113,20 @@ impl PargcnTrainer {
         let (mse, gradient) =
             loss_gradient(&self.layout, &self.state.theta, self.options.form, &self.options.mapping(), &cloud, degree)?;
         let progress = step as f64 / self.options.steps.max(1) as f64;
-        self.state.advance(mse, &gradient, cosine_rate(self.options.rate, LAST_RATE, step, progress))
+        let rate = match self.options.form {
+            PargcnForm::Published => self.options.rate,
+            PargcnForm::Guided => cosine_rate(self.options.rate, LAST_RATE, step, progress),
+        };
+        self.state.advance(mse, &gradient, rate)
     }
 
-    fn draw(&self, step: u64) -> Result<(Cloud, usize), NnError> {
-        let mut random = stream(self.options.seed, step);
+    fn draw(&mut self, step: u64) -> Result<(Cloud, usize), NnError> {
+        let seed = self.options.seed;
         if self.options.form == PargcnForm::Guided {
-            return data::draw(SIZES, &mut random);
+            return data::draw(SIZES, &mut stream(seed, step));
         }
-        let (interior, degree) = PUBLISHED;
-        let spec = ScatteredSpec { control_points: ControlPoints::Greville, degree, interior, noise: 0.0 };
-        Ok((Cloud::of_sample(&spec.sample(&mut random)?), degree))
+        let sample = PUBLISHED.sample(&mut stream(seed, self.epochs.item(seed, step)))?;
+        Ok((Cloud::of_sample(&sample), PUBLISHED.degree))
     }
 
     /// The network with averaged weights, and notes on how it came about.
@@ -148,8 +163,8 @@ impl PargcnTrainer {
             rate: needed(&archive, "rate")?,
             seed: needed(&archive, "seed")?,
         };
-        let state = State::resume(&archive, network.theta, Recipe::AdamW)?;
-        Ok(Self { options, layout: network.layout, state })
+        let state = State::resume(&archive, network.theta, options.recipe())?;
+        Ok(Self { options, layout: network.layout, state, epochs: Epochs::new(PUBLISHED_CLOUDS) })
     }
 }
 
@@ -233,12 +248,15 @@ mod tests {
     #[test]
     fn a_resumed_run_takes_the_same_steps() {
         let mut trainer = PargcnTrainer::new(OPTIONS);
-        for _ in 0..2 {
-            trainer.step().unwrap();
+        for form in [PargcnForm::Published, PargcnForm::Guided] {
+            trainer = PargcnTrainer::new(PargcnTrainOptions { form, ..OPTIONS });
+            for _ in 0..2 {
+                trainer.step().unwrap();
+            }
+            let mut resumed = PargcnTrainer::resume(&trainer.checkpoint("test")).unwrap();
+            assert_eq!(trainer.step().unwrap(), resumed.step().unwrap());
+            assert_eq!(trainer.checkpoint("test"), resumed.checkpoint("test"));
         }
-        let mut resumed = PargcnTrainer::resume(&trainer.checkpoint("test")).unwrap();
-        assert_eq!(trainer.step().unwrap(), resumed.step().unwrap());
-        assert_eq!(trainer.checkpoint("test"), resumed.checkpoint("test"));
         let weights = trainer.network("test").to_bytes();
         assert!(matches!(PargcnTrainer::resume(&weights), Err(NnError::OtherWeights { .. })));
         assert_eq!(Pargcn::load(&weights).unwrap().weights(), 80_641);

@@ -30,6 +30,12 @@ impl State {
         self.optimizer.steps
     }
 
+    /// Weights with what single precision cuts off; only [`Recipe::Sgd`] keeps it.
+    pub(super) fn double_weights(&self) -> Vec<f64> {
+        let rest = &self.optimizer.second;
+        self.theta.iter().zip(rest).map(|(&t, &r)| f64::from(t) + f64::from(r)).collect()
+    }
+
     /// Share of the steps so far whose gradient was shortened.
     pub(super) fn clipped_share(&self) -> f64 {
         self.optimizer.clipped as f64 / self.optimizer.steps.max(1) as f64
@@ -39,12 +45,19 @@ impl State {
     ///
     /// # Errors
     /// [`NnError::Training`] if one of them is not finite.
-    pub(super) fn advance(&mut self, mse: f64, gradient: &[f32], rate: f64) -> Result<StepReport, NnError> {
+    pub(super) fn advance<G>(&mut self, mse: f64, gradient: &[G], rate: f64) -> Result<StepReport, NnError>
+    where
+        G: Copy + Into<f64>,
+    {
         let step = self.optimizer.steps;
-        if !(mse.is_finite() && gradient.iter().all(|g| g.is_finite())) {
+        if !(mse.is_finite() && gradient.iter().all(|&g| g.into().is_finite())) {
             return Err(NnError::Training { step, reason: "loss or gradient is not finite; lower the rate".into() });
         }
         let norm = self.optimizer.step(&mut self.theta, gradient, rate);
+        if self.optimizer.recipe.is_published() {
+            self.average.copy_from_slice(&self.theta);
+            return Ok(StepReport { step, mse, rate, gradient: norm });
+        }
         let horizon = AVERAGE_HORIZON.min(1.0 + 0.1 * step as f64);
         let weight = (1.0 / horizon) as f32;
         self.average.iter_mut().zip(&self.theta).for_each(|(a, t)| *a += weight * (t - *a));

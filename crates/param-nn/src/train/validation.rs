@@ -3,6 +3,8 @@
 use ndarray::Array2;
 use param_classic::{BoundaryParameters, CloudMapParams, Radius, map_cloud};
 
+use super::PUBLISHED as BIDGCN_CLOUDS;
+use super::pargcn::PUBLISHED as PARGCN_CLOUDS;
 use crate::bezier::BezierFit;
 use crate::bidgcn::Bidgcn;
 use crate::bidgcn::cloud::Cloud;
@@ -10,10 +12,10 @@ use crate::error::NnError;
 use crate::pargcn::{Pargcn, PargcnOptions};
 use crate::synthetic::{ControlPoints, ScatteredSpec, stream};
 
-/// Kinds of clouds: a name, control points, interior points, noise. Biquadratic patches.
-type Kinds = [(&'static str, ControlPoints, usize, f64); 5];
+/// A kind of clouds: a name, control points, interior points, noise. Biquadratic patches.
+type Kind = (&'static str, ControlPoints, usize, f64);
 
-const KINDS: Kinds = [
+const KINDS: [Kind; 5] = [
     ("200", ControlPoints::Jittered, 200, 0.0),
     ("500", ControlPoints::Jittered, 500, 0.0),
     ("1000", ControlPoints::Jittered, 1000, 0.0),
@@ -22,7 +24,7 @@ const KINDS: Kinds = [
 ];
 
 /// Smaller ones, of the family of §4.2.6 too.
-const SMALL_KINDS: Kinds = [
+const SMALL_KINDS: [Kind; 5] = [
     ("100", ControlPoints::Jittered, 100, 0.0),
     ("200", ControlPoints::Jittered, 200, 0.0),
     ("500", ControlPoints::Jittered, 500, 0.0),
@@ -69,7 +71,25 @@ impl Validation {
         Self::of_kinds(SMALL_KINDS, seed, count)
     }
 
-    fn of_kinds(of: Kinds, seed: u64, count: u64) -> Result<Self, NnError> {
+    /// Clouds as BIDGCN was published to be trained on (Imperatore 2024, §4.3.4).
+    ///
+    /// # Errors
+    /// Those of the classical map.
+    pub fn published_bidgcn(seed: u64, count: u64) -> Result<Self, NnError> {
+        let ScatteredSpec { control_points, interior, noise, .. } = BIDGCN_CLOUDS;
+        Self::of_kinds([("1000", control_points, interior, noise)], seed, count)
+    }
+
+    /// Clouds as PARGCN was published to be trained on (Imperatore 2024, §4.2.6).
+    ///
+    /// # Errors
+    /// Those of the classical map.
+    pub fn published_pargcn(seed: u64, count: u64) -> Result<Self, NnError> {
+        let ScatteredSpec { control_points, interior, noise, .. } = PARGCN_CLOUDS;
+        Self::of_kinds([("200 heights", control_points, interior, noise)], seed, count)
+    }
+
+    fn of_kinds<const N: usize>(of: [Kind; N], seed: u64, count: u64) -> Result<Self, NnError> {
         let mut kinds = Vec::new();
         for (k, (name, control_points, interior, noise)) in of.into_iter().enumerate() {
             let spec = ScatteredSpec { control_points, degree: DEGREE, interior, noise };

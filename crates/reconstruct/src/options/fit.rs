@@ -8,7 +8,7 @@ use serde::Serialize;
 use thb_core::{MAX_DEGREE, MAX_LEVELS};
 
 use super::choices::{BlendChoice, BoundaryChoice, Energy, LambdaChoice, Mark, Method, Samples, Tolerance};
-use super::parameters::{Closed, ParameterOptions};
+use super::parameters::{Closed, ParameterOptions, ToldSpline};
 use super::policy::Policy;
 use super::quasi::QuasiOptions;
 use super::reweighting::{MarkerChoice, ReweightingOptions};
@@ -125,6 +125,14 @@ const ELEMENTS: usize = 4;
 const ELEMENTS_ROUND: usize = 8;
 
 impl FitOptions {
+    /// The options of laying out, which say what is going to be fitted: the first level, where the two directions differ the finer of
+    /// both.
+    pub(crate) fn told_parameters(&self) -> ParameterOptions {
+        let larger = |pair: Pair| pair.0[0].max(pair.0[1]);
+        let told = ToldSpline { degree: larger(self.degree), elements: self.mesh.map(larger) };
+        ParameterOptions { told: Some(told), ..self.parameters.clone() }
+    }
+
     /// Elements of level 0 per direction.
     pub fn elements(&self) -> [usize; 2] {
         let closed = self.parameters.closed.directions();

@@ -12,7 +12,7 @@ pub use choices::{BlendChoice, BoundaryChoice, Energy, LambdaChoice, Mark, Metho
 pub use fit::FitOptions;
 pub use parameters::{
     Clean, Closed, Crop, Domain, GivenCorners, Networks, ParameterChoice, ParameterOptions, RadiusChoice, Refine,
-    SideRule,
+    SideRule, ToldSpline,
 };
 pub use policy::Policy;
 pub use quasi::{LocalRule, QuasiOptions};

@@ -49,6 +49,18 @@ pub struct ParameterOptions {
     pub networks: Networks,
     /// Points that are laid out at once; larger clouds are laid out through a well-spread subset of as many.
     pub subset: usize,
+    /// What is going to be fitted, for networks that are told: a fit says so of its first level.
+    #[serde(skip)]
+    pub told: Option<ToldSpline>,
+}
+
+/// The splines that `parcnn` is told of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ToldSpline {
+    /// Degree.
+    pub degree: usize,
+    /// Elements along each direction; `None` for about four points a function.
+    pub elements: Option<usize>,
 }
 
 impl Default for ParameterOptions {
@@ -70,6 +82,7 @@ impl Default for ParameterOptions {
             refine: Refine::Auto,
             networks: Networks::Off,
             subset: 10_000,
+            told: None,
         }
     }
 }

@@ -202,7 +202,7 @@ fn lay_out(mut scan: Scan, rows: &[u32], options: &ParameterOptions, watch: &mut
         }
         (ParameterChoice::Parcnn, ..) if options.closed.directions() == [false; 2] => {
             let grid = scan.cloud.grid.ok_or_else(|| missing("grid order (columns i, j)", CLOUD_HINT))?;
-            let parameters = network::of_grid(scan.cloud.points.view(), grid)?;
+            let parameters = network::of_grid(scan.cloud.points.view(), grid, options.told)?;
             Ok(as_they_are(scan.cloud.points, parameters, scan.triangles, "parcnn", Vec::new()))
         }
         (ParameterChoice::Chord | ParameterChoice::Centripetal, ..) | (ParameterChoice::Uniform, false, Some(_)) => {

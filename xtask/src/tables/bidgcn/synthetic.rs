@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use param_nn::{BezierFit, Bidgcn, ControlPoints, Neighbours, ScatteredSpec, TrainOptions, Trainer, Variant, stream};
+use param_nn::{
+    BezierFit, Bidgcn, ControlPoints, Neighbours, Recipe, ScatteredSpec, TrainOptions, Trainer, Variant, stream,
+};
 
 use super::{AVERAGED, BIDGCN, LPSP, Networks, text};
 use crate::tables::mapped::{Method, boundary};
@@ -153,7 +155,8 @@ pub(super) fn tables(networks: &Networks, clouds: u64, tell: &mut dyn FnMut(&str
 pub(super) fn trained(shipped: &Bidgcn, steps: u64, clouds: u64, tell: &mut dyn FnMut(&str)) -> Result<String> {
     let train = |variant, frame| -> Result<Bidgcn> {
         let neighbours = Neighbours::WithinRadius;
-        let options = TrainOptions { variant, frame, neighbours, steps, rate: RATE, seed: TRAIN_SEED };
+        let options =
+            TrainOptions { variant, frame, neighbours, recipe: Recipe::AdamW, steps, rate: RATE, seed: TRAIN_SEED };
         let mut trainer = Trainer::new(options);
         while trainer.step_count() < steps {
             trainer.step()?;

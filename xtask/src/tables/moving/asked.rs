@@ -27,7 +27,9 @@ impl Asked {
 const TEXT: &str = "
 ## In short
 
-Bounds are figures printed in Imperatore 2024 (the adaptive loop may need a tenth more control points than A-PDM's printed 2329), figures
-of G+Smo, or margins to them that this project set itself; *ours* is one of the settings of the joint method below, or any method for the sheet of degree 3.
+Bounds are figures printed in Imperatore 2024, figures of G+Smo, or margins to them that this project set itself; *ours* is one of the settings of
+the joint method below, or any method for the sheet of degree 3. Rows of the hull and of Nefertiti name the row below that they are, with its
+creases. None of them is the printed setting: cells are refined with one ring around them, in the thesis with two, and Nefertiti starts from the parameters of its file,
+not from BIDGCN's. What the printed settings give stands in [printed.md](printed.md), verdicts in [claims.md](claims.md).
 
 ";

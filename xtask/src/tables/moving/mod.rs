@@ -5,6 +5,7 @@ mod foot_points;
 mod gismo;
 mod noise;
 mod peers;
+mod printed;
 mod run;
 mod thesis;
 
@@ -45,6 +46,14 @@ pub fn page(data: Option<&Path>, gismo: Option<&Path>, log: &mut dyn FnMut(&str)
     text += &foot_points::section(data, &mut asked, log)?;
     text += &noise::section(log)?;
     Ok(Page { text: format!("{INTRODUCTION}{}{text}", asked.text()), figures })
+}
+
+/// The page of what the thesis's own settings give.
+///
+/// # Errors
+/// What reading and fitting meet.
+pub fn printed_settings(data: &Path, log: &mut dyn FnMut(&str)) -> Result<String> {
+    printed::page(data, log)
 }
 
 /// The figures alone.

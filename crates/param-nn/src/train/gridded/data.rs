@@ -5,7 +5,10 @@ use std::f64::consts::TAU;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::gridded::{Trigonometric, normalize_parameters, scale_to_unit_box, sorted_parameters, vector};
+use crate::error::NnError;
+use crate::gridded::{
+    GriddedSpec, Shape, Trigonometric, normalize_parameters, scale_to_unit_box, sorted_parameters, vector,
+};
 use crate::parcnn::grid::Grid;
 use crate::parcnn::layout::{Architecture, Form};
 use crate::parcnn::pass::Task;
@@ -32,6 +35,9 @@ const TRIGONOMETRIC_SHARE: f64 = 0.4;
 const TWELVE_SHARE: f64 = 0.5;
 const GRID_LINE: [f64; 2] = [5.0, 24.0];
 const MOST_GRID_POINTS: usize = 400;
+
+/// Points of the published grids, 100.
+pub(super) const PUBLISHED_GRID: [usize; 2] = [10, 10];
 
 /// Share of surfaces whose control points leave the Greville abscissae, and by how much, in units of their spacing.
 const JITTERED_SHARE: f64 = 0.35;
@@ -64,6 +70,26 @@ pub(super) fn draw(architecture: Architecture, batch: usize, shortest: bool, ran
         (Form::Feedback { .. }, _) => surfaces(batch, None, random),
         (Form::Published { degree, .. }, _) => surfaces(batch, Some(degree), random),
     }
+}
+
+/// A batch as published, for one degree: polynomials without noise, `shortest` ones or of a length drawn for the batch; grids
+/// of 10 × 10 points (Imperatore 2024, §4.1.4).
+pub(super) fn draw_published(
+    architecture: Architecture,
+    degree: usize,
+    (batch, shortest): (usize, bool),
+    random: &mut ChaCha8Rng,
+) -> Result<Vec<Task>, NnError> {
+    let Architecture { dimension, directions, .. } = architecture;
+    let spec = match directions {
+        1 => {
+            let fewest = 2 * degree + 1;
+            let count = if shortest { fewest } else { integer(fewest, LONGEST as usize, random) };
+            GriddedSpec { shape: Shape::Curve { degree, dimension }, size: [count, 1], noise: 0.0 }
+        }
+        _ => GriddedSpec { shape: Shape::Surface { degree }, size: PUBLISHED_GRID, noise: 0.0 },
+    };
+    (0..batch).map(|_| Ok(Task::of_sample(&spec.sample(random)?, degree))).collect()
 }
 
 fn chance(share: f64, random: &mut ChaCha8Rng) -> bool {
@@ -154,7 +180,7 @@ fn surfaces(batch: usize, only: Option<usize>, random: &mut ChaCha8Rng) -> Vec<E
     let degree = only.unwrap_or(integer(DEGREES[0], DEGREES[3], random));
     let size = match only {
         // As published: 100 points.
-        Some(_) => [10, 10],
+        Some(_) => PUBLISHED_GRID,
         None if chance(TWELVE_SHARE, random) => [12, 12],
         None => {
             let low = GRID_LINE[0].max((2 * degree) as f64);

@@ -46,7 +46,7 @@ pub struct GridTrainOptions {
     pub batch: usize,
     /// Whether all sequences have the fewest points that tell a curve of their degree, 2d + 1, as for Table 4.1.
     pub shortest: bool,
-    /// How weights move.
+    /// How weights move; [`Recipe::RmsProp`] is for the published form alone, on published items.
     pub recipe: Recipe,
     /// Largest learning rate.
     pub rate: f64,
@@ -79,7 +79,11 @@ impl GridTrainer {
     /// A run from its start.
     pub fn new(options: GridTrainOptions) -> Self {
         let layout = Arc::new(Layout::new(options.architecture));
-        let state = State::new(layout.initial_weights(options.seed), options.recipe);
+        let weights = match options.recipe.is_published() {
+            true => layout.default_weights(options.seed),
+            false => layout.initial_weights(options.seed),
+        };
+        let state = State::new(weights, options.recipe);
         Self { options, layout, state }
     }
 
@@ -108,10 +112,30 @@ impl GridTrainer {
     /// # Errors
     /// [`NnError::Training`].
     pub fn step(&mut self) -> Result<StepReport, NnError> {
+        match self.options.architecture.form {
+            Form::Published { degree, .. } if self.options.recipe.is_published() => self.published_step(degree),
+            _ => self.our_step(),
+        }
+    }
+
+    /// The mean over a batch of mean squared errors, at a constant rate.
+    fn published_step(&mut self, degree: usize) -> Result<StepReport, NnError> {
+        let GridTrainOptions { architecture, batch, seed, shortest, rate, .. } = self.options;
+        let mut random = stream(seed, self.state.steps());
+        let tasks = data::draw_published(architecture, degree, (batch, shortest), &mut random)?;
+        let pass = Pass::<f32>::new(&self.layout, &self.state.theta, &tasks, &[], Keep::Everything);
+        let by_uv: Vec<Vec<[f64; 2]>> = pass.states.iter().map(|s| s.fit.gradient()).collect();
+        let mse = pass.states.iter().map(|s| s.fit.mse).sum::<f64>() / batch as f64;
+        let mut gradient = pass.backward(&self.layout, &self.state.theta, &tasks, &by_uv);
+        gradient.iter_mut().for_each(|g| *g /= batch as f32);
+        self.state.advance(mse, &gradient, rate)
+    }
+
+    fn our_step(&mut self) -> Result<StepReport, NnError> {
         let step = self.state.steps();
         let progress = step as f64 / self.options.steps.max(1) as f64;
         let supervised = SUPERVISED_WEIGHT * (1.0 - progress / SUPERVISED_SHARE).max(0.0);
-        let GridTrainOptions { architecture, batch, seed, shortest, recipe, .. } = self.options;
+        let GridTrainOptions { architecture, batch, seed, shortest, .. } = self.options;
         let (tasks, truths): (Vec<Task>, Vec<_>) = data::draw(architecture, batch, shortest, &mut stream(seed, step))
             .into_iter()
             .map(|e| (e.task, e.truth))
@@ -133,11 +157,7 @@ impl GridTrainer {
             states = pass.states;
             mse = states.iter().map(|s| s.fit.mse).sum::<f64>() / batch as f64;
         }
-        let rate = match recipe {
-            Recipe::AdamW => cosine_rate(self.options.rate, LAST_RATE, step, progress),
-            Recipe::RmsProp => self.options.rate,
-        };
-        self.state.advance(mse, &gradient, rate)
+        self.state.advance(mse, &gradient, cosine_rate(self.options.rate, LAST_RATE, step, progress))
     }
 
     /// The network with averaged weights, and notes on how it came about.
@@ -172,10 +192,7 @@ impl GridTrainer {
             steps: needed(&archive, "steps")?,
             batch: needed(&archive, "batch")?,
             shortest: note(&archive, "shortest").unwrap_or(false),
-            recipe: match archive.metadata.get("recipe").map(String::as_str) {
-                Some("rmsprop") => Recipe::RmsProp,
-                _ => Recipe::AdamW,
-            },
+            recipe: Recipe::named(archive.metadata.get("recipe")),
             rate: needed(&archive, "rate")?,
             seed: needed(&archive, "seed")?,
         };
@@ -210,6 +227,33 @@ mod tests {
             let mut resumed = GridTrainer::resume(&trainer.checkpoint("test")).unwrap();
             assert_eq!(trainer.step().unwrap(), resumed.step().unwrap());
             assert_eq!(trainer.checkpoint("test"), resumed.checkpoint("test"));
+        }
+    }
+
+    #[test]
+    fn the_published_recipe_lowers_the_error_and_is_gone_on_with() {
+        for directions in [1, 2] {
+            let form = Form::Published { degree: 2, blocks: 2, width: 20 };
+            let architecture = Architecture { dimension: 3, directions, form };
+            let mut trainer = GridTrainer::new(GridTrainOptions {
+                architecture,
+                recipe: Recipe::RmsProp,
+                shortest: true,
+                batch: 16,
+                rate: 1e-3,
+                ..options(3, directions)
+            });
+            let validation = GridValidation::published(architecture, 2, true, 5, 10).unwrap();
+            let error = |trainer: &GridTrainer| validation.scores(&trainer.network("test"))[0].mse;
+            let before = error(&trainer);
+            for _ in 0..200 {
+                trainer.step().unwrap();
+            }
+            let after = error(&trainer);
+            assert!(after < 0.8 * before, "{directions}: {after} after 200 steps, {before} before");
+            let mut resumed = GridTrainer::resume(&trainer.checkpoint("test")).unwrap();
+            assert_eq!(resumed.step().unwrap(), trainer.step().unwrap());
+            assert_eq!(resumed.checkpoint("test"), trainer.checkpoint("test"));
         }
     }
 

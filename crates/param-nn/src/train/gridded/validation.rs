@@ -1,9 +1,8 @@
 //! Fixed sequences and grids on which networks are compared with classical parameters.
 
+use super::data::PUBLISHED_GRID;
 use crate::error::NnError;
 use crate::gridded::{GriddedSpec, Shape};
-use crate::parcnn::SplineSpace;
-use crate::parcnn::grid::Grid;
 use crate::parcnn::layout::{Architecture, Form};
 use crate::parcnn::model::Parcnn;
 use crate::parcnn::pass::Task;
@@ -30,6 +29,12 @@ const DEGREES: [usize; 4] = [2, 3, 4, 5];
 /// Standard deviation on each coordinate of the scaled points; half of it on surfaces.
 const NOISE: f64 = 1e-2;
 
+/// Points as a function of the degree.
+type Size = fn(usize) -> [usize; 2];
+
+/// Name, points, degrees, noise.
+type Kind = (String, Size, Vec<usize>, f64);
+
 impl GridValidation {
     /// `count` items of each kind that an architecture is for.
     ///
@@ -40,8 +45,6 @@ impl GridValidation {
             Form::Published { degree, .. } => vec![degree],
             Form::Feedback { .. } => DEGREES.to_vec(),
         };
-        // Name, points as a function of the degree, degrees, noise.
-        type Kind = (String, fn(usize) -> [usize; 2], Vec<usize>, f64);
         let kinds: Vec<Kind> = if architecture.directions == 1 {
             vec![
                 ("2d+1".into(), |d| [2 * d + 1, 1], degrees.clone(), 0.0),
@@ -56,6 +59,32 @@ impl GridValidation {
             kinds.push(("noise".into(), |_| [12, 12], degrees, NOISE / 2.0));
             kinds
         };
+        Self::of_kinds(architecture, kinds, seed, count)
+    }
+
+    /// What networks of the published recipe are judged on: items like those they are trained on, at lengths of 2d + 1, 20,
+    /// 50 and 80 points or, if `shortest`, at the first alone.
+    ///
+    /// # Errors
+    /// Those of the generator.
+    pub fn published(
+        architecture: Architecture,
+        degree: usize,
+        shortest: bool,
+        seed: u64,
+        count: u64,
+    ) -> Result<Self, NnError> {
+        let kinds: [(&str, Size); 4] =
+            [("2d+1", |d| [2 * d + 1, 1]), ("20", |_| [20, 1]), ("50", |_| [50, 1]), ("80", |_| [80, 1])];
+        let kinds = match architecture.directions {
+            1 => kinds[..if shortest { 1 } else { kinds.len() }].to_vec(),
+            _ => vec![("10x10", (|_| PUBLISHED_GRID) as Size)],
+        };
+        let kinds = kinds.into_iter().map(|(name, size)| (name.to_owned(), size, vec![degree], 0.0)).collect();
+        Self::of_kinds(architecture, kinds, seed, count)
+    }
+
+    fn of_kinds(architecture: Architecture, kinds: Vec<Kind>, seed: u64, count: u64) -> Result<Self, NnError> {
         let mut validation = Self { kinds: Vec::new() };
         for (k, (name, size, degrees, noise)) in kinds.into_iter().enumerate() {
             let (mut tasks, mut standard) = (Vec::new(), 0.0);
@@ -73,10 +102,7 @@ impl GridValidation {
                     if noise > 0.0 {
                         cloud.points.iter_mut().for_each(|x| *x += noise * normal(&mut random));
                     }
-                    let xyz = cloud.points.rows().into_iter();
-                    let xyz = xyz.map(|p| std::array::from_fn(|k| p.get(k).copied().unwrap_or(0.0))).collect();
-                    let grid = Grid { xyz, size: cloud.size, dimension: architecture.dimension };
-                    let task = Task::new(grid, SplineSpace::polynomials(degree));
+                    let task = Task::of_sample(&cloud, degree);
                     for (sum, power) in sums.iter_mut().zip([0.0, 0.5, 1.0]) {
                         let steps = task.grid.classical_steps(power, true);
                         *sum += task.grid.state(task.spaces, steps).fit.mse / (count as usize * degrees.len()) as f64;
@@ -92,8 +118,13 @@ impl GridValidation {
 
     /// Scores of a network, one a kind.
     pub fn scores(&self, network: &Parcnn) -> Vec<GridScore> {
+        self.scores_of(|task| network.last_state(task).fit.mse)
+    }
+
+    /// Scores of whatever gives a task its mean squared error, one a kind.
+    pub(crate) fn scores_of(&self, mse: impl Fn(&Task) -> f64) -> Vec<GridScore> {
         let one = |(kind, tasks, standard): &(String, Vec<Task>, f64)| {
-            let sum: f64 = tasks.iter().map(|task| network.last_state(task).fit.mse).sum();
+            let sum: f64 = tasks.iter().map(&mse).sum();
             GridScore { kind: kind.clone(), mse: sum / tasks.len().max(1) as f64, standard: *standard }
         };
         self.kinds.iter().map(one).collect()
