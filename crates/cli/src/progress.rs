@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use reconstruct::{BatchEvent, Event, PartOutcome, PartResult, Reason, SolidFit, Verdict};
+use reconstruct::{BatchEvent, Event, PartOutcome, PartResult, Reason, SolidSummary, Verdict};
 
 /// Shows how far a batch is.
 pub(crate) struct Progress {
@@ -46,11 +46,6 @@ impl Progress {
         }
     }
 
-    /// Prints a line above the bar, on a terminal.
-    pub(crate) fn println(&self, line: String) {
-        self.bar.println(line);
-    }
-
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }
@@ -64,6 +59,9 @@ fn name(input: &Path) -> String {
 pub(crate) fn line(result: &PartResult) -> String {
     let name = name(&result.input);
     match &result.outcome {
+        PartOutcome::Fitted { solid: Some(solid), dofs, rmse, max, seconds, .. } => {
+            solid_line(&name, solid, [*dofs as f64, *rmse, *max, *seconds])
+        }
         PartOutcome::Fitted {
             verdict,
             stop,
@@ -107,23 +105,39 @@ pub(crate) fn reason(input: &Path, reason: &Reason) -> String {
 }
 
 /// What became of a whole part.
-pub(crate) fn solid_line(input: &Path, fit: &SolidFit) -> String {
-    let report = &fit.report;
-    let percent = |x: f64| 100.0 * x / report.diagonal;
+fn solid_line(name: &str, solid: &SolidSummary, [dofs, rms, max, seconds]: [f64; 4]) -> String {
+    let percent = |x: f64| 100.0 * x / solid.diagonal;
     let mut text = format!(
-        "{}: {} faces, {} control points, RMS {:.4} %, largest {:.3} % of the diagonal, angles up to {:.3}° (p99 {:.3}°, at vertices \
-         {:.3}°)",
-        input.display(),
-        report.layout.faces,
-        report.functions,
-        percent(report.mesh_to_surface.rms),
-        percent(report.mesh_to_surface.max),
-        report.angles.max,
-        report.angles.p99,
-        report.angles.at_vertices,
+        "{name}: {} faces, {dofs} control points, RMS {:.4} %, largest {:.3} % of the diagonal, angles up to {:.3}° (p99 {:.3}°, at \
+         vertices {:.3}°)",
+        solid.faces,
+        percent(rms),
+        percent(max),
+        solid.largest_angle,
+        solid.p99_angle,
+        solid.angle_at_vertices,
     );
-    if let Some(volume) = report.volume {
-        text += &format!(", volume {:+.3} %", 100.0 * (volume.surface.abs() / volume.mesh.abs() - 1.0));
+    if let Some(error) = solid.volume_error {
+        text += &format!(", volume {:+.3} %", 100.0 * error);
     }
-    text + &format!(", {:.1} s", report.seconds)
+    text + &format!(", {seconds:.1} s")
+}
+
+/// What became of all parts.
+pub(crate) fn totals(parts: &[PartResult]) -> String {
+    let count = |wanted: Option<Verdict>| {
+        let of_part = |part: &PartResult| match part.outcome {
+            PartOutcome::Fitted { verdict, .. } => Some(verdict),
+            PartOutcome::Failed { .. } => None,
+        };
+        parts.iter().filter(|part| of_part(part) == wanted).count()
+    };
+    format!(
+        "{} parts: {} good, {} usable, {} failed, {} without a surface",
+        parts.len(),
+        count(Some(Verdict::Good)),
+        count(Some(Verdict::Usable)),
+        count(Some(Verdict::Failed)),
+        count(None)
+    )
 }

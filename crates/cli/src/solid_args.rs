@@ -22,6 +22,11 @@ pub(crate) struct SolidArgs {
 }
 
 impl SolidArgs {
+    /// Whether an option was given that counts for whole parts only.
+    pub(crate) fn is_used(&self) -> bool {
+        self.smoothness.is_some() || self.sharp.is_some()
+    }
+
     /// An option was typed that nothing would come of, where no whole part is made.
     pub(crate) fn check_unused(&self) -> Result<(), Error> {
         let smoothness = self.smoothness.map(|given| ("--smoothness", given.to_string()));

@@ -19,7 +19,7 @@ use crate::orientation::vote;
 use crate::parameters::{Parameterized, parameterize};
 use crate::prepare;
 use crate::problem::Problem;
-use crate::report::{InputReport, PROGRAM, Report, ResultReport, SmoothedMore, history, sides};
+use crate::report::{InputReport, PROGRAM, Report, ResultReport, SCHEMA, SmoothedMore, history, sides};
 use crate::scanned::{ReadPoints, Scanned, fingerprint};
 use crate::tolerance::hint;
 use crate::trim::trims;
@@ -122,7 +122,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         triangles: if laid_out.is_mesh { laid_out.triangles } else { Vec::new() },
     };
     let report = Report {
-        schema: 1,
+        schema: SCHEMA,
         program: PROGRAM,
         history: history(iterations, moves, quasi),
         result,

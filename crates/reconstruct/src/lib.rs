@@ -40,6 +40,7 @@ mod methods;
 mod options;
 mod orientation;
 mod output;
+mod overwriting;
 mod page;
 mod parameters;
 mod paths;
@@ -58,7 +59,10 @@ mod warnings;
 mod watch;
 
 pub use auto::{Candidate, Defect, GaveUp, Reason as ChoiceReason, Tried};
-pub use batch::{BatchEvent, BatchOptions, BatchResult, PartOutcome, PartResult, check_parameter_outputs, run_batch};
+pub use batch::{
+    BatchEvent, BatchOptions, BatchPart, BatchResult, PartOptions, PartOutcome, PartResult, RECORDS, SolidSummary,
+    join_batch, run_batch, scans_in,
+};
 pub use clean::CleaningReport;
 pub use curve::{
     ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveLimits, CurveOptions, CurveParameters,
@@ -79,6 +83,7 @@ pub use options::{
 };
 pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};
+pub use overwriting::check_parameter_outputs;
 pub use page::{page_of, page_of_pieces, page_of_solid};
 pub use parameters::{
     HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
@@ -90,7 +95,7 @@ pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, SmoothedMore,
     layout_report,
 };
-pub use scanned::Scanned;
+pub use scanned::{Scanned, fingerprint};
 pub use solid::{
     LayoutChoice, Sharp, Smoothness, SolidDistances, SolidFit, SolidLayoutReport, SolidOptions, SolidReason,
     SolidReport, SolidVolume, fit_solid_file, makes_solid,

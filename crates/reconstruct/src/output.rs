@@ -1,7 +1,7 @@
 //! Results in files.
 
 use std::collections::BTreeSet;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use geom_io::{
@@ -31,15 +31,19 @@ impl OutputPaths {
     /// # Errors
     /// [`Error::OutputFormat`].
     pub fn of(input: &Path, outputs: &[PathBuf], reports: &[PathBuf], pages: bool) -> Result<Self, Error> {
+        Self::of_name(&part_name(input), outputs, reports, pages)
+    }
+
+    /// The same for a part of a name that need not be that of its file.
+    pub(crate) fn of_name(name: &OsStr, outputs: &[PathBuf], reports: &[PathBuf], pages: bool) -> Result<Self, Error> {
         let mut paths = Self { files: Vec::new(), reports: reports.to_vec() };
         for output in outputs {
             if output.as_os_str() == "-" {
                 return Err(Error::OutputFormat { path: output.clone() });
             }
             if is_directory(output) {
-                let stem = part_name(input);
                 let named = |extension: &str| {
-                    let mut name = stem.clone();
+                    let mut name = name.to_owned();
                     name.push(extension);
                     output.join(name)
                 };
@@ -62,6 +66,13 @@ impl OutputPaths {
 }
 
 impl OutputPaths {
+    /// Where a whole part goes: to all but the files of a directory that are no STEP files.
+    pub(crate) fn of_solid(&self, outputs: &[PathBuf]) -> Self {
+        let is_step = |path: &PathBuf| ModelFormat::from_path(path) == Some(ModelFormat::Step);
+        let files = self.files.iter().filter(|path| is_step(path) || outputs.contains(path));
+        Self { files: files.cloned().collect(), reports: self.reports.clone() }
+    }
+
     /// Checks that files can be made where the outputs will stand, before work is done for them.
     ///
     /// # Errors
@@ -99,7 +110,7 @@ pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
 }
 
 /// Pixels of the small picture of a part in the page of a batch.
-const THUMBNAIL: [usize; 2] = [180, 120];
+pub(crate) const THUMBNAIL: [usize; 2] = [180, 120];
 
 /// As [`write_outputs`]; returns a small picture, as PNG, if there is a page.
 pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result<Vec<u8>, Error> {

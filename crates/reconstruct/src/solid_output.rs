@@ -4,26 +4,30 @@ use std::path::PathBuf;
 
 use geom_io::{StepOptions, write_solid};
 
-use crate::output::{is_page, make_parent};
+use crate::output::{THUMBNAIL, is_page, make_parent};
 use crate::{Error, SolidFit, page_of_solid, write_report, write_text};
 
-/// Writes a surface of many faces into a STEP file, and its report into a file of its own, each complete or not at all.
+/// Writes a surface of many faces into a STEP file, and its report into a file of its own, each complete or not at all; returns a small
+/// picture, as PNG, if there is a page.
 ///
 /// # Errors
 /// [`Error::Model`], [`Error::Write`], [`Error::Io`].
-pub fn write_solid_outputs(fit: &SolidFit, outputs: &[PathBuf], reports: &[PathBuf]) -> Result<(), Error> {
+pub fn write_solid_outputs(fit: &SolidFit, outputs: &[PathBuf], reports: &[PathBuf]) -> Result<Vec<u8>, Error> {
     for path in outputs {
         make_parent(path)?;
         write_solid(path, &fit.surface, fit.unit, &StepOptions { flip: fit.reversed, ..StepOptions::default() })?;
     }
+    let mut picture = Vec::new();
     for path in reports {
         if is_page(path) {
-            write_text(path, &page_of_solid(fit)?.to_html())?;
+            let page = page_of_solid(fit)?;
+            write_text(path, &page.to_html())?;
+            picture = page.thumbnail(THUMBNAIL);
         } else {
             write_report(path, &fit.report)?;
         }
     }
-    Ok(())
+    Ok(picture)
 }
 
 /// Refuses outputs of a surface of many faces that are no STEP files, before work is done for them.
@@ -36,9 +40,5 @@ pub fn check_solid_outputs(outputs: &[PathBuf], reports: &[PathBuf]) -> Result<(
             return Err(Error::SolidFormat { path: path.clone() });
         }
     }
-    for path in outputs.iter().chain(reports) {
-        make_parent(path)?;
-        geom_io::check_writable(path)?;
-    }
-    Ok(())
+    Ok(outputs.iter().chain(reports).try_for_each(|path| geom_io::check_writable(path))?)
 }

@@ -6,8 +6,8 @@ use geom_io::{ModelFormat, SvgOptions, WriteOptions, write_model};
 
 use super::fitting::CurveFit;
 use crate::Error;
-use crate::batch::check_overwriting;
 use crate::output::{OutputPaths, check_no_page, make_parent};
+use crate::overwriting::check_overwriting;
 
 /// Checks, before anything is fitted, that outputs have formats of curves, and differ from the input and from each other.
 ///
