@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use reconstruct::{
     BlendChoice, ClosedChoice, CornerChoice, CurveOptions, CurveParameters, Ends, FitOptions, KnotChoice, LambdaChoice,
     LengthUnit, Mark, Method, Tolerance,
@@ -25,6 +25,19 @@ pub(crate) struct Cli {
     /// Log what happens to standard error; twice for details.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub(crate) verbose: u8,
+}
+
+/// The options of `thb fit` that most people need, which `-h` shows; `--help` shows all.
+const IN_SHORT_HELP: [&str; 11] =
+    ["inputs", "outputs", "reports", "tol", "within", "layout", "clean", "height_field", "units", "jobs", "resume"];
+
+/// All that can be typed.
+pub(crate) fn command() -> clap::Command {
+    let is_needed_by_most = |arg: &clap::Arg| IN_SHORT_HELP.contains(&arg.get_id().as_str());
+    Cli::command().mut_subcommand("fit", |fit| {
+        let fit = fit.mut_args(|arg| if is_needed_by_most(&arg) { arg } else { arg.hide_short_help(true) });
+        fit.after_help("thb fit --help has all options, and examples.")
+    })
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 input or numerical error; 2 wrong usage; 3 finished and written, but the \

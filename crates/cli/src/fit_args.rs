@@ -220,8 +220,9 @@ pub(crate) struct PartArgs {
     #[arg(long, value_name = "COLUMN", help_heading = "What counts how much")]
     weights: Option<String>,
 
-    /// Tolerance, a length in the units of the input or a percentage of the bounding box diagonal; or auto: 0.1 % of the diagonal, at
-    /// most 2 % of relief, radius or thickness, at least three standard deviations of the noise and the step of rounding.
+    /// Tolerance, a length in the units of the input or a percentage of the bounding box diagonal; or auto, by the scan.
+    ///
+    /// auto is 0.1 % of the diagonal, at most 2 % of relief, radius or thickness, at least three standard deviations of the noise and the step of rounding.
     #[arg(long, default_value_t = FitOptions::default().tol, allow_hyphen_values = true, help_heading = "When it is good enough")]
     tol: Tolerance,
     /// Share of the points that must be within the tolerance; 1 for all.

@@ -17,7 +17,7 @@ use std::ops::ControlFlow;
 use std::process::{self, ExitCode};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use clap::{ArgMatches, FromArgMatches};
 use reconstruct::{
     BatchEvent, BatchOptions, BatchResult, Error, ErrorKind, PartOutcome, PartResult, Verdict, run_batch,
 };
@@ -35,7 +35,7 @@ const TOLERANCE_NOT_REACHED: u8 = 3;
 const INTERRUPTED: i32 = 130;
 
 fn main() -> ExitCode {
-    let matches = Cli::command().get_matches();
+    let matches = args::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let level = match cli.verbose {
         0 => tracing::Level::ERROR,
@@ -127,6 +127,9 @@ fn fit(fits: &Fits) -> anyhow::Result<u8> {
         if IS_INTERRUPTED.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     progress.finish();
+    if io::stderr().is_terminal() {
+        progress::summary(&results, &batch.outputs).iter().for_each(|line| complain(line));
+    }
     results.iter().for_each(|result| tell(result, run.quiet));
     let summary = summary.map_err(|error| complain(&error.to_string()));
     if results.len() < parts.len() {

@@ -1,7 +1,7 @@
 //! Progress on a terminal; silence when piped.
 
 use std::io::{IsTerminal, stderr};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -40,7 +40,10 @@ impl Progress {
                 100.0 * self.within,
             )),
             BatchEvent::Done(result) => {
-                self.bar.println(line(result));
+                // The summary says the same of one part.
+                if self.bar.length().is_some_and(|parts| parts > 1) {
+                    self.bar.println(line(result));
+                }
                 self.bar.inc(1);
             }
         }
@@ -140,4 +143,61 @@ pub(crate) fn totals(parts: &[PartResult]) -> String {
         count(Some(Verdict::Failed)),
         count(None)
     )
+}
+
+/// What became of the parts, in few words for a person: of one part its files, of several how many there are and where their page is.
+pub(crate) fn summary(results: &[PartResult], outputs: &[PathBuf]) -> Vec<String> {
+    match results {
+        [result] => short(result).into_iter().collect(),
+        several => {
+            let index = outputs.iter().map(|output| output.join("index.html")).find(|index| index.is_file());
+            vec![format!(
+                "{}{}",
+                totals(several),
+                index.map_or(String::new(), |index| format!("; see {}", index.display()))
+            )]
+        }
+    }
+}
+
+/// One line on a part that has a surface.
+fn short(result: &PartResult) -> Option<String> {
+    let PartOutcome::Fitted { verdict, dofs, solid, within_area, tolerance, largest, seconds, .. } = &result.outcome
+    else {
+        return None;
+    };
+    let file = result.outputs.first().map_or_else(|| name(&result.input), |output| name(output));
+    let faces = solid.map_or(String::new(), |solid| format!("{} faces, ", solid.faces));
+    // Rounded down: what is not all does not read as all.
+    let percent = (1000.0 * within_area).floor() / 10.0;
+    Some(format!(
+        "{file}: {verdict}, {faces}{dofs} control points, {percent:.1} % of the area within {}, largest {}, {seconds:.1} s",
+        three_digits(*tolerance),
+        three_digits(*largest)
+    ))
+}
+
+/// A number with as many digits as anybody reads at a glance.
+fn three_digits(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    if rounded == 0.0 || (1e-4..1e6).contains(&rounded.abs()) { rounded.to_string() } else { format!("{rounded:e}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        for (value, text) in [
+            (0.0333456, "0.0333"),
+            (0.04, "0.04"),
+            (1234.5, "1230"),
+            (0.0, "0"),
+            (1.0 / 3e7, "3.33e-8"),
+            (2.5e9, "2.5e9"),
+        ] {
+            assert_eq!(three_digits(value), text);
+        }
+    }
 }

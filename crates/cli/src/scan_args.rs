@@ -13,7 +13,9 @@ use reconstruct::{
 pub(crate) struct LayoutArgs {
     #[command(flatten)]
     pub(crate) read: ReadArgs,
-    /// Remove points: outliers (neighbours unusually far away), stray (all pieces but the largest). Without, values far beyond the rest,
+    /// Remove points: outliers (neighbours unusually far away), stray (all pieces but the largest), none.
+    ///
+    /// Without, values far beyond the rest,
     /// points that stand alone and copies are set aside, with a warning; none keeps them too.
     #[arg(long, value_delimiter = ',', value_name = "WHAT", help_heading = "How it is cleaned")]
     clean: Vec<Clean>,

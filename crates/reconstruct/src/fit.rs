@@ -21,7 +21,7 @@ use crate::prepare;
 use crate::problem::Problem;
 use crate::report::{InputReport, PROGRAM, Report, ResultReport, SCHEMA, SmoothedMore, history, sides};
 use crate::scanned::{ReadPoints, Scanned, fingerprint};
-use crate::tolerance::hint;
+use crate::tolerance::{hint, hint_if_large};
 use crate::trim::trims;
 use crate::warnings::{Warning, of_surface};
 use crate::{DefaultTolerance, Error, Event, FitOptions, ScanMeasures, Tolerance, Watch, units};
@@ -215,6 +215,7 @@ impl Asked {
         let tolerance = measured.map_or(options.tol.resolve(diagonal), |found| found.value);
         if measured.is_none() {
             warnings.extend(hint(points.view(), tolerance)?);
+            warnings.extend(hint_if_large(tolerance, diagonal));
         }
         let (method, verdict) = (laid_out.report.method, laid_out.report.verdict);
         tracing::info!(points = points.nrows(), method, verdict, tolerance, "parameterized");

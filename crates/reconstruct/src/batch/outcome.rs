@@ -10,6 +10,7 @@ use crate::options::{all_shown, shown};
 use crate::output::is_page;
 use crate::page::tone;
 use crate::solid::TURNED_OVER;
+use crate::tolerance::hint_if_large;
 use crate::{Error, PieceFits, Report, ReweightingReport, SolidFit, SolidReason};
 
 /// What became of a part.
@@ -60,6 +61,10 @@ pub enum PartOutcome {
         rmse: f64,
         /// Share of points within the tolerance.
         within: f64,
+        /// Share of the scan's area, of a cloud of its points weighed by their spacing, within the tolerance: what the verdict goes by.
+        within_area: f64,
+        /// Largest distance of the scan from the surface, wherever its closest point lies.
+        largest: f64,
         /// The tolerance.
         tolerance: f64,
         /// The smoothing weight that was used.
@@ -163,8 +168,10 @@ impl PartOutcome {
                 volume_error: report.volume.as_ref().map(of_volumes),
             }),
             reweighting: None,
+            within_area: report.mesh_to_surface.within,
+            largest: report.mesh_to_surface.max,
             seconds: report.seconds,
-            warnings: Vec::new(),
+            warnings: hint_if_large(report.tolerance, report.diagonal).into_iter().collect(),
         }
     }
 
@@ -182,6 +189,8 @@ impl PartOutcome {
             within: report.result.within,
             tolerance: report.result.tolerance,
             lambda: report.result.lambda,
+            within_area: report.result.deviation.scan_to_surface.within,
+            largest: report.result.deviation.scan_to_surface.max,
             solid: None,
             reweighting: report.result.reweighting.map(Box::new),
             seconds: report.result.seconds,
@@ -233,6 +242,8 @@ impl PartOutcome {
             within: within / points,
             tolerance: worst.tolerance,
             lambda: worst.lambda,
+            within_area: worst.deviation.scan_to_surface.within,
+            largest: worst.deviation.scan_to_surface.max,
             solid: None,
             reweighting: None,
             seconds,
