@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use reconstruct::{
     BlendChoice, ClosedChoice, CornerChoice, CurveOptions, CurveParameters, Ends, FitOptions, KnotChoice, LambdaChoice,
-    LengthUnit, Mark, Method, Tolerance,
+    LengthUnit, Mark, Method, Schema, Tolerance,
 };
 
 use crate::fit_args::{FIT_HELP, FitArgs};
@@ -83,6 +83,12 @@ pub(crate) enum Command {
         /// Turn the face normal.
         #[arg(long)]
         flip: bool,
+        /// Name of the product in a STEP file. [default: that of the model, else of the file]
+        #[arg(long)]
+        name: Option<String>,
+        /// Application protocol of a STEP file: ap214 or ap242.
+        #[arg(long, default_value_t = Schema::Ap214)]
+        schema: Schema,
     },
     /// Deviation of a cloud from a model, as JSON on standard output.
     Compare {
@@ -95,6 +101,15 @@ pub(crate) enum Command {
         /// Distance that counts as within tolerance; % of the cloud's diagonal.
         #[arg(long, default_value_t = Tolerance::Percent(0.1), allow_hyphen_values = true)]
         tol: Tolerance,
+        /// Largest distance of the scan from the surface that passes, a length or % of the cloud's diagonal: beyond, the exit code is 3.
+        #[arg(long, value_name = "TOL", allow_hyphen_values = true)]
+        max: Option<Tolerance>,
+        /// Distance that 95 % of the scan's area must keep to pass, a length or % of the cloud's diagonal: beyond, the exit code is 3.
+        #[arg(long, value_name = "TOL", allow_hyphen_values = true)]
+        p95: Option<Tolerance>,
+        /// The points one by one, as CSV: row, x, y, z, distance, the closest point of the surface and its parameters.
+        #[arg(long, value_name = "FILE.csv")]
+        points: Option<PathBuf>,
     },
     /// What a file holds, as JSON on standard output.
     Info {

@@ -6,7 +6,7 @@ use clap::Args;
 use reconstruct::{
     BlendChoice, BoundaryChoice, Energy, FitOptions, LambdaChoice, LengthUnit, LocalRule, LossChoice, Mark,
     MarkerChoice, Method, Pair, ParameterOptions, PartOptions, QuasiOptions, ReadOptions, ReweightingOptions, Samples,
-    SolidOptions, Tolerance, UpdateChoice,
+    Schema, SolidOptions, Tolerance, UpdateChoice,
 };
 
 use crate::scan_args::{LayoutArgs, unit};
@@ -55,6 +55,10 @@ pub(crate) struct RunArgs {
     /// Report of a single input: a page to look at (.html), which needs no other file and no network, or JSON; may be repeated.
     #[arg(long = "report", value_name = "R.html|R.json")]
     pub(crate) reports: Vec<PathBuf>,
+    /// Name of the part, of a single input: of the product in STEP files, and of the files in an output directory.
+    /// [default: the product is named as its file, the files as the scan]
+    #[arg(long)]
+    pub(crate) name: Option<String>,
     /// No page NAME.html beside the other files in an output directory.
     #[arg(long)]
     pub(crate) no_html: bool,
@@ -265,6 +269,9 @@ pub(crate) struct PartArgs {
     /// Control points up to which a STEP file holds one face; beyond, it holds several.
     #[arg(long, default_value_t = FitOptions::default().max_step_control_points, help_heading = "What is written")]
     max_step_control_points: usize,
+    /// Application protocol of STEP files: ap214, which every CAD system reads, or ap242.
+    #[arg(long, default_value_t = FitOptions::default().schema, help_heading = "What is written")]
+    schema: Schema,
     /// Cut the holes of the data out of the faces of STEP files. The surface itself spans them.
     #[arg(long, help_heading = "What is written")]
     trim_holes: bool,
@@ -332,6 +339,7 @@ impl PartArgs {
             levels: self.levels,
             max_dofs: self.max_dofs,
             max_step_control_points: self.max_step_control_points,
+            schema: self.schema,
             trim_holes: self.trim_holes,
             mark: self.mark,
             extension: self.extension,

@@ -19,7 +19,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{ArgMatches, FromArgMatches};
 use reconstruct::{
-    BatchEvent, BatchOptions, BatchResult, Error, ErrorKind, PartOutcome, PartResult, Verdict, run_batch,
+    BatchEvent, BatchOptions, BatchResult, Error, ErrorKind, Exceeded, Limits, PartOutcome, PartResult, StepOptions,
+    Verdict, run_batch,
 };
 use serde::Serialize;
 
@@ -92,11 +93,25 @@ fn run(command: Command, matches: &ArgMatches) -> anyhow::Result<u8> {
             }
             out.flush()?;
         }
-        Command::Convert { model, output, max_step_control_points, flip } => {
-            reconstruct::convert(&model, &output, max_step_control_points, flip)?;
+        Command::Convert { model, output, max_step_control_points, flip, name, schema } => {
+            let header = reconstruct::step_options(name.as_deref().unwrap_or_default(), schema);
+            let step = StepOptions { max_control_points: max_step_control_points, flip, ..header };
+            reconstruct::convert(&model, &output, &step)?;
         }
-        Command::Compare { model, cloud, read, tol } => {
-            print_json(&reconstruct::compare(&model, &cloud, &read.options(), tol)?)?;
+        Command::Compare { model, cloud, read, tol, max, p95, points } => {
+            let limits = Limits { max, p95 };
+            limits.check()?;
+            points.iter().try_for_each(|path| reconstruct::check_no_input(&[model.clone(), cloud.clone()], path))?;
+            let compared = reconstruct::compare(&model, &cloud, &read.options(), tol)?;
+            if let Some(path) = &points {
+                reconstruct::write_distances(path, &compared)?;
+            }
+            print_json(&compared)?;
+            let exceeded = limits.exceeded(&compared);
+            for Exceeded { name, found, limit } in &exceeded {
+                complain(&progress::named(&cloud, &format!("{name} is {found:.4e}, more than --{name} {limit:.4e}")));
+            }
+            return Ok(if exceeded.is_empty() { 0 } else { TOLERANCE_NOT_REACHED });
         }
         Command::Info { file, read } => print_json(&reconstruct::info(&file, &read.options())?)?,
     }

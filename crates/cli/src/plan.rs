@@ -65,6 +65,12 @@ pub(crate) fn plan(args: &FitArgs, matches: &ArgMatches) -> anyhow::Result<Plan>
             inputs.into_iter().map(|input| BatchPart::new(input, options.clone())).collect::<Vec<_>>()
         }
     };
+    if let Some(name) = &run.name {
+        let [part] = parts.as_slice() else {
+            return Err(UsageError(format!("--name {name} names one part, and there are {}", parts.len())).into());
+        };
+        parts = vec![part.clone().named(name)];
+    }
     if let Some(Shard { number, of }) = args.said.shard {
         parts = parts.into_iter().skip(number - 1).step_by(of).collect();
     }
@@ -98,11 +104,11 @@ fn preset_of(schema: &Schema, said: &SaidArgs) -> Result<Settings, UsageError> {
 /// A part of a manifest, whose own options come last.
 fn part_of_row(schema: &Schema, settings: &Settings, row: Row) -> Result<BatchPart, UsageError> {
     let FileArgs { run, part } = schema.parse(&settings.clone().overridden_by(row.settings))?;
-    let mut of_row = BatchPart::new(row.input, part.options(run.threads));
-    if let Some(name) = row.name {
-        of_row.name = name.into();
-    }
-    Ok(of_row)
+    let of_row = BatchPart::new(row.input, part.options(run.threads));
+    Ok(match row.name {
+        Some(name) => of_row.named(&name),
+        None => of_row,
+    })
 }
 
 /// The scans that are named, those in directories that are named, or else that of the report which is done again.

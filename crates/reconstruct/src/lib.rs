@@ -34,6 +34,7 @@ mod inspect;
 mod judge;
 mod knots;
 mod level_zero;
+mod limits;
 mod memory;
 mod mesh;
 mod methods;
@@ -52,6 +53,7 @@ mod report;
 mod scanned;
 mod solid;
 mod solid_output;
+mod step_header;
 mod tolerance;
 mod trim;
 mod units;
@@ -71,7 +73,8 @@ pub use curve::{
 pub use deviation::{Deviation, Reason, Thresholds, Verdict};
 pub use error::{Error, ErrorKind};
 pub use fit::{Fit, fit_file, fit_scan};
-pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
+pub use inspect::{Comparison, Evaluation, Info, PointDistance, compare, convert, eval_model, info};
+pub use limits::{Exceeded, Limits, write_distances};
 pub use memory::{Mesh, Points, fit};
 pub use methods::QuasiReport;
 pub use methods::ReweightingReport;
@@ -83,7 +86,7 @@ pub use options::{
 };
 pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};
-pub use overwriting::check_parameter_outputs;
+pub use overwriting::{check_no_input, check_parameter_outputs};
 pub use page::{page_of, page_of_pieces, page_of_solid};
 pub use parameters::{
     HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
@@ -101,11 +104,14 @@ pub use solid::{
     SolidReport, SolidVolume, fit_solid_file, makes_solid,
 };
 pub use solid_output::{check_solid_outputs, write_solid_outputs};
+pub use step_header::{Schema, step_options};
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};
-pub use geom_io::{Decimal, Format, LengthUnit, Model, ReadOptions, Scan, TakenColumn, remove_unfinished};
+pub use geom_io::{
+    Decimal, Format, LengthUnit, Model, ReadOptions, Scan, StepOptions, StepSize, TakenColumn, remove_unfinished,
+};
 pub use ndarray;
 pub use thb_core::{self, SplineMap};
 

@@ -5,7 +5,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use geom_io::{
-    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, StepSurface, WriteOptions,
+    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, StepSize, StepSurface, WriteOptions,
     check_writable, write_atomically, write_mesh, write_model, write_step,
 };
 use ndarray::{Array1, Array2, Axis};
@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::mesh::{nearest_errors, tessellate};
 use crate::paths::identity;
-use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters, page_of, page_of_pieces};
+use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters, page_of, page_of_pieces, step_options};
 
 /// Where the results of one part go.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -112,15 +112,18 @@ pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
 /// Pixels of the small picture of a part in the page of a batch.
 pub(crate) const THUMBNAIL: [usize; 2] = [180, 120];
 
-/// As [`write_outputs`]; returns a small picture, as PNG, if there is a page.
-pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result<Vec<u8>, Error> {
+/// As [`write_outputs`]; returns what is known then.
+pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result<Written, Error> {
+    let mut step = None;
     for path in &outputs.files {
         make_parent(path)?;
         match ModelFormat::from_path(path) {
-            Some(_) => {
-                let step = step_options(fit);
-                write_model(path, &fit.model, &WriteOptions { step, ..WriteOptions::default() })?;
+            Some(ModelFormat::Step) => {
+                let options = step_options_of(fit);
+                let surface = StepSurface { map: fit.surface(), options: &options };
+                step = Some(write_step(path, &[surface], fit.model.unit)?);
             }
+            Some(_) => write_model(path, &fit.model, &WriteOptions::default())?,
             None => write_meshes(path, &[fit])?,
         }
     }
@@ -131,10 +134,27 @@ pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result
             write_text(path, &page.to_html())?;
             picture = page.thumbnail(THUMBNAIL);
         } else {
-            write_report(path, &fit.report)?;
+            write_report(path, &WithStep { report: &fit.report, step })?;
         }
     }
-    Ok(picture)
+    Ok(Written { picture, step })
+}
+
+/// What is known of files that were written.
+pub(crate) struct Written {
+    /// A small picture, as PNG, if there is a page; else empty.
+    pub(crate) picture: Vec<u8>,
+    /// How large the STEP file is, if there is one.
+    pub(crate) step: Option<StepSize>,
+}
+
+/// A report, and how large the STEP file is.
+#[derive(Serialize)]
+pub(crate) struct WithStep<'a, R: Serialize> {
+    #[serde(flatten)]
+    pub(crate) report: &'a R,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) step: Option<StepSize>,
 }
 
 /// Whether a report is a page to look at, by its name.
@@ -169,16 +189,16 @@ pub fn write_piece_outputs(
             return Err(Error::PieceOutput { path });
         }
     }
-    let mut written = Vec::new();
+    let (mut written, mut step) = (Vec::new(), None);
     for path in outputs.files.iter().filter(|_| !fitted.is_empty()) {
         make_parent(path)?;
         match ModelFormat::from_path(path) {
             Some(ModelFormat::Step) => {
-                let options: Vec<StepOptions> = fitted.iter().map(|(_, fit)| step_options(fit)).collect();
+                let options: Vec<StepOptions> = fitted.iter().map(|(_, fit)| step_options_of(fit)).collect();
                 let surfaces = fitted.iter().zip(&options);
                 let surfaces = surfaces.map(|((_, fit), options)| StepSurface { map: fit.surface(), options });
                 let surfaces: Vec<StepSurface<'_>> = surfaces.collect();
-                write_step(path, &surfaces, fitted[0].1.model.unit)?;
+                step = Some(write_step(path, &surfaces, fitted[0].1.model.unit)?);
                 written.push(path.clone());
             }
             Some(_) => {
@@ -196,7 +216,7 @@ pub fn write_piece_outputs(
     }
     for path in &outputs.reports {
         if !is_page(path) {
-            write_report(path, &fits.report())?;
+            write_report(path, &WithStep { report: &fits.report(), step })?;
         } else if let Some(page) = page_of_pieces(fits)? {
             write_text(path, &page.to_html())?;
         } else {
@@ -215,13 +235,22 @@ fn of_piece(path: &Path, number: usize) -> PathBuf {
     path.with_file_name(name)
 }
 
-fn step_options(fit: &Fit) -> StepOptions {
+fn step_options_of(fit: &Fit) -> StepOptions {
+    let options = &fit.report.options;
     StepOptions {
-        max_control_points: fit.report.options.max_step_control_points,
+        max_control_points: options.max_step_control_points,
         holes: fit.holes.clone(),
         flip: fit.reversed,
-        ..StepOptions::default()
+        ..step_options(name_in(&fit.model.metadata), options.schema)
     }
+}
+
+/// Key under which a model keeps the name of its part.
+pub(crate) const NAME: &str = "name";
+
+/// The name of a part in what a model says of itself; empty without.
+pub(crate) fn name_in(metadata: &serde_json::Map<String, serde_json::Value>) -> &str {
+    metadata.get(NAME).and_then(serde_json::Value::as_str).unwrap_or_default()
 }
 
 /// Writes surfaces as one mesh, with the distance of the nearest fitted point at each vertex.

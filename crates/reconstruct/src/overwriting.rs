@@ -27,6 +27,14 @@ pub fn check_parameter_outputs(
     check_overwriting(&read, &[paths], []).map(drop)
 }
 
+/// Checks that an output is none of the inputs.
+///
+/// # Errors
+/// [`Error::OutputIsInput`].
+pub fn check_no_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
+    check_overwriting(inputs, &[], [&output.to_owned()]).map(drop)
+}
+
 /// Checks that no output is an input or another output; returns what all of them are known by.
 pub(crate) fn check_overwriting<'a>(
     inputs: &[PathBuf],

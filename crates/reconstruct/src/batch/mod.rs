@@ -12,11 +12,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use crate::output::{is_directory, write_outputs_and_draw};
+use crate::output::{Written, is_directory, write_outputs_and_draw};
 use crate::overwriting::check_overwriting;
+use crate::solid_output::write_solid_and_draw;
 use crate::{
     Error, Event, LayoutChoice, OutputPaths, check_solid_outputs, fit_file, fit_pieces_file, fit_solid_file,
-    write_piece_outputs, write_solid_outputs,
+    step_options, write_piece_outputs,
 };
 pub use join::join_batch;
 use join::{write_index, write_summary};
@@ -202,17 +203,20 @@ fn fit_and_write(job: &Job<'_>, shared: &Shared<'_>) -> Result<(Vec<PathBuf>, Pa
         };
         let options = crate::SolidOptions { layout, ..part.options.solid.clone() };
         let fit = fit_solid_file(&part.input, &options, &mut watch)?;
-        let picture = write_solid_outputs(&fit, &outputs.files, &outputs.reports)?;
-        return Ok((written(&outputs), PartOutcome::of_solid(&fit), picture));
+        let step = step_options(&part.product, part.options.surface.schema);
+        let Written { picture, step } = write_solid_and_draw(&fit, &outputs.files, &outputs.reports, &step)?;
+        return Ok((written(&outputs), PartOutcome::of_solid(&fit, step), picture));
     }
     let options = &part.options.surface;
     if options.all_pieces {
-        let fits = fit_pieces_file(&part.input, options, &mut watch)?;
+        let mut fits = fit_pieces_file(&part.input, options, &mut watch)?;
+        fits.pieces.iter_mut().filter_map(|piece| piece.fit.as_mut().ok()).for_each(|fit| part.sign(fit));
         return Ok((write_piece_outputs(&fits, outputs, &shared.taken)?, PartOutcome::of_pieces(&fits), Vec::new()));
     }
-    let fit = fit_file(&part.input, options, &mut watch)?;
-    let picture = write_outputs_and_draw(&fit, outputs)?;
-    Ok((written(outputs), PartOutcome::of_report(fit.report), picture))
+    let mut fit = fit_file(&part.input, options, &mut watch)?;
+    part.sign(&mut fit);
+    let Written { picture, step } = write_outputs_and_draw(&fit, outputs)?;
+    Ok((written(outputs), PartOutcome::of_report(fit.report, step), picture))
 }
 
 impl Job<'_> {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use deviation::{Reason, Verdict};
+use geom_io::StepSize;
 use report_page::{IndexRow, Tone};
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +73,9 @@ pub enum PartOutcome {
         /// More of a whole part, whose other figures are those of its mesh against the surface; absent for sheets.
         #[serde(skip_serializing_if = "Option::is_none")]
         solid: Option<SolidSummary>,
+        /// How large the STEP file is; absent without one, and of pieces.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        step: Option<StepSize>,
         /// What came of robust losses and markers; absent without.
         #[serde(skip_serializing_if = "Option::is_none")]
         reweighting: Option<Box<ReweightingReport>>,
@@ -143,7 +147,7 @@ impl PartOutcome {
     }
 
     /// Of a whole part.
-    pub(super) fn of_solid(fit: &SolidFit) -> Self {
+    pub(super) fn of_solid(fit: &SolidFit, step: Option<StepSize>) -> Self {
         let report = &fit.report;
         let of_volumes = |volume: &crate::SolidVolume| volume.surface.abs() / volume.mesh.abs() - 1.0;
         Self::Fitted {
@@ -167,6 +171,7 @@ impl PartOutcome {
                 angle_at_vertices: report.angles.at_vertices,
                 volume_error: report.volume.as_ref().map(of_volumes),
             }),
+            step,
             reweighting: None,
             within_area: report.mesh_to_surface.within,
             largest: report.mesh_to_surface.max,
@@ -175,7 +180,7 @@ impl PartOutcome {
         }
     }
 
-    pub(super) fn of_report(report: Report) -> Self {
+    pub(super) fn of_report(report: Report, step: Option<StepSize>) -> Self {
         Self::Fitted {
             reached: report.result.reached,
             verdict: report.result.verdict,
@@ -192,6 +197,7 @@ impl PartOutcome {
             within_area: report.result.deviation.scan_to_surface.within,
             largest: report.result.deviation.scan_to_surface.max,
             solid: None,
+            step,
             reweighting: report.result.reweighting.map(Box::new),
             seconds: report.result.seconds,
             warnings: report.warnings,
@@ -245,6 +251,7 @@ impl PartOutcome {
             within_area: worst.deviation.scan_to_surface.within,
             largest: worst.deviation.scan_to_surface.max,
             solid: None,
+            step: None,
             reweighting: None,
             seconds,
             warnings,

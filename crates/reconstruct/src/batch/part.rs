@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use geom_io::Format;
 
-use crate::output::part_name;
-use crate::{Error, FitOptions, LayoutChoice, SolidOptions, makes_solid};
+use crate::output::{NAME, part_name};
+use crate::{Error, Fit, FitOptions, LayoutChoice, SolidOptions, makes_solid};
 
 /// A part of a batch.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +15,8 @@ pub struct BatchPart {
     pub input: PathBuf,
     /// The name of its files in an output directory.
     pub name: OsString,
+    /// The name of the product in STEP files; empty for that of the file.
+    pub product: String,
     /// How it is fitted.
     pub options: PartOptions,
 }
@@ -22,7 +24,20 @@ pub struct BatchPart {
 impl BatchPart {
     /// A part of the name of its file.
     pub fn new(input: PathBuf, options: PartOptions) -> Self {
-        Self { name: part_name(&input), input, options }
+        Self { name: part_name(&input), product: String::new(), input, options }
+    }
+
+    /// The same under another name, which is that of the product, too.
+    #[must_use]
+    pub fn named(self, name: &str) -> Self {
+        Self { name: name.into(), product: name.to_owned(), ..self }
+    }
+
+    /// Gives the name of the product, if there is one, to a model.
+    pub(super) fn sign(&self, fit: &mut Fit) {
+        if !self.product.is_empty() {
+            fit.model.metadata.insert(NAME.to_owned(), self.product.clone().into());
+        }
     }
 
     /// Whether it is fitted as a whole part.

@@ -101,6 +101,7 @@ pub(super) fn of_part(part: &BatchPart, outputs: &OutputPaths) -> String {
         "file": part.input.to_string_lossy(),
         "input": input,
         "files": files,
+        "product": part.product,
         "surface": surface,
         "solid": part.options.solid,
         "outputs": outputs.files.iter().chain(&outputs.reports).map(|path| path.to_string_lossy()).collect::<Vec<_>>(),

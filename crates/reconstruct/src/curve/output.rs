@@ -8,6 +8,7 @@ use super::fitting::CurveFit;
 use crate::Error;
 use crate::output::{OutputPaths, check_no_page, make_parent};
 use crate::overwriting::check_overwriting;
+use crate::step_header::{Schema, step_options};
 
 /// Checks, before anything is fitted, that outputs have formats of curves, and differ from the input and from each other.
 ///
@@ -30,5 +31,6 @@ pub fn check_curve_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Pa
 pub fn write_curve(path: &Path, fit: &CurveFit) -> Result<(), Error> {
     make_parent(path)?;
     let svg = SvgOptions { points: Some(fit.points.clone()), knots: true };
-    Ok(write_model(path, &fit.model, &WriteOptions { svg, ..WriteOptions::default() })?)
+    let step = step_options("", Schema::Ap214);
+    Ok(write_model(path, &fit.model, &WriteOptions { svg, step, ..WriteOptions::default() })?)
 }

@@ -139,11 +139,16 @@ impl Tolerance {
     /// # Errors
     /// [`Error::OptionRange`].
     pub(crate) fn check(self) -> Result<(), Error> {
+        self.check_as("--tol")
+    }
+
+    /// The same for an option of another name.
+    pub(crate) fn check_as(self, option: &'static str) -> Result<(), Error> {
         let (Self::Absolute(number) | Self::Percent(number)) = self else { return Ok(()) };
         if number.is_finite() && number > 0.0 {
             return Ok(());
         }
-        Err(Error::OptionRange { option: "--tol", given: self.to_string(), allowed: "a positive number" })
+        Err(Error::OptionRange { option, given: self.to_string(), allowed: "a positive number" })
     }
 
     /// In the units of the input, for a given diagonal.

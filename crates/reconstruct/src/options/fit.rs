@@ -14,6 +14,7 @@ use super::quasi::QuasiOptions;
 use super::reweighting::{MarkerChoice, ReweightingOptions};
 use super::typed::{Pair, range, typed};
 use crate::Error;
+use crate::step_header::Schema;
 
 /// Options of [`crate::fit_scan`]. The defaults need no user.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -57,6 +58,8 @@ pub struct FitOptions {
     pub max_dofs: Option<usize>,
     /// Control points up to which STEP files hold one tensor-product face instead of several.
     pub max_step_control_points: usize,
+    /// Application protocol of STEP files.
+    pub schema: Schema,
     /// Whether STEP files have the holes of the data cut out of their faces.
     pub trim_holes: bool,
     /// Which cells are refined.
@@ -103,6 +106,7 @@ impl Default for FitOptions {
             levels: 7,
             max_dofs: None,
             max_step_control_points: 20_000,
+            schema: Schema::Ap214,
             trim_holes: false,
             mark: Mark(Marking::Worst),
             extension: None,
