@@ -49,6 +49,7 @@ mod picture;
 mod pieces;
 mod prepare;
 mod problem;
+mod program;
 mod report;
 mod scanned;
 mod solid;
@@ -81,8 +82,8 @@ pub use methods::ReweightingReport;
 pub use options::{
     BlendChoice, BoundaryChoice, Clean, Closed, Crop, Domain, Energy, FitOptions, GivenCorners, LambdaChoice,
     LocalRule, LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions,
-    ParseOptionError, Policy, QuasiOptions, RadiusChoice, Refine, ReweightingOptions, Samples, SideRule, Tolerance,
-    UpdateChoice,
+    ParseOptionError, Policy, QuasiOptions, RadiusChoice, Refine, ReweightingOptions, Samples, Schema, SideRule,
+    Tolerance, UpdateChoice,
 };
 pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};
@@ -104,7 +105,7 @@ pub use solid::{
     SolidReport, SolidVolume, fit_solid_file, makes_solid,
 };
 pub use solid_output::{check_solid_outputs, write_solid_outputs};
-pub use step_header::{Schema, step_options};
+pub use step_header::step_options;
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 

@@ -12,7 +12,7 @@ use ndarray::{Array1, Array2, Axis};
 use serde::Serialize;
 
 use crate::mesh::{nearest_errors, tessellate};
-use crate::paths::identity;
+use crate::paths::{identity, is_directory};
 use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters, page_of, page_of_pieces, step_options};
 
 /// Where the results of one part go.
@@ -90,11 +90,6 @@ pub(crate) fn part_name(input: &Path) -> OsString {
     let compressed = input.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
     let inner = if compressed { input.with_extension("") } else { input.to_owned() };
     inner.file_stem().unwrap_or_default().to_owned()
-}
-
-/// Whether an output is meant to be a directory: it is one, or its name has no extension or ends in a separator.
-pub(crate) fn is_directory(output: &Path) -> bool {
-    output.is_dir() || output.extension().is_none() || output.to_string_lossy().ends_with(std::path::is_separator)
 }
 
 fn is_output_file(path: &Path) -> bool {

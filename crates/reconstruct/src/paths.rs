@@ -15,3 +15,8 @@ pub(crate) fn identity(path: &Path) -> PathBuf {
     let known = path.canonicalize().ok().or_else(|| path.ancestors().skip(1).find_map(of_ancestor));
     known.unwrap_or_else(|| path.to_owned())
 }
+
+/// Whether an output is meant to be a directory: it is one, or its name has no extension or ends in a separator.
+pub(crate) fn is_directory(output: &Path) -> bool {
+    output.is_dir() || output.extension().is_none() || output.to_string_lossy().ends_with(std::path::is_separator)
+}

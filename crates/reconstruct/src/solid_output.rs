@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use geom_io::{StepOptions, write_solid};
 
+use crate::options::Schema;
 use crate::output::{THUMBNAIL, WithStep, Written, is_page, make_parent};
-use crate::step_header::{Schema, step_options};
+use crate::step_header::step_options;
 use crate::{Error, SolidFit, page_of_solid, write_report, write_text};
 
 /// Writes a surface of many faces into STEP files, and its report into files of its own, each complete or not at all.

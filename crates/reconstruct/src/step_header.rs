@@ -4,18 +4,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use geom_io::{StepOptions, StepSchema};
 
-use crate::options::{named, serialize_as_typed};
-use crate::report::PROGRAM;
-
-named!(
-    /// The application protocol of STEP files.
-    Schema, "ap214 or ap242",
-    /// AP214, which every CAD system reads.
-    Ap214 = "ap214",
-    /// AP242, which has taken its place.
-    Ap242 = "ap242"
-);
-serialize_as_typed!(Schema);
+use crate::options::Schema;
+use crate::program::PROGRAM;
 
 /// Options of STEP files that name the part (empty for the name of the file), this program, and the time of writing: now, or what the
 /// variable `SOURCE_DATE_EPOCH` says, for files that are the same each time.

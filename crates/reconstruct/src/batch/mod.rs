@@ -12,8 +12,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use crate::output::{Written, is_directory, write_outputs_and_draw};
+use crate::output::{Written, write_outputs_and_draw};
 use crate::overwriting::check_overwriting;
+use crate::paths::is_directory;
 use crate::solid_output::write_solid_and_draw;
 use crate::{
     Error, Event, LayoutChoice, OutputPaths, check_solid_outputs, fit_file, fit_pieces_file, fit_solid_file,

@@ -11,8 +11,8 @@ use sha2::{Digest, Sha256};
 
 use super::outcome::{PartOutcome, PartResult};
 use super::part::BatchPart;
-use crate::output::is_directory;
-use crate::report::{PROGRAM, SCHEMA};
+use crate::paths::is_directory;
+use crate::program::{PROGRAM, SCHEMA};
 use crate::scanned::fingerprint;
 use crate::{Error, FitOptions, LayoutChoice, OutputPaths, write_report};
 

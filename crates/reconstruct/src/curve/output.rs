@@ -6,9 +6,10 @@ use geom_io::{ModelFormat, SvgOptions, WriteOptions, write_model};
 
 use super::fitting::CurveFit;
 use crate::Error;
+use crate::options::Schema;
 use crate::output::{OutputPaths, check_no_page, make_parent};
 use crate::overwriting::check_overwriting;
-use crate::step_header::{Schema, step_options};
+use crate::step_header::step_options;
 
 /// Checks, before anything is fitted, that outputs have formats of curves, and differ from the input and from each other.
 ///

@@ -10,7 +10,7 @@ use thb_core::Quadrature;
 use super::typed::{ParseOptionError, named, parse_error, range, serialize_as_typed};
 use crate::Error;
 
-serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy, Samples);
+serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy, Samples, Schema);
 
 named!(
     /// The fitting method.
@@ -109,6 +109,14 @@ named!(
     Area = "area",
     /// Its vertices, all alike, at their parameters.
     Vertices = "vertices"
+);
+named!(
+    /// The application protocol of STEP files.
+    Schema, "ap214 or ap242",
+    /// AP214, which every CAD system reads.
+    Ap214 = "ap214",
+    /// AP242, which has taken its place.
+    Ap242 = "ap242"
 );
 impl Energy {
     pub(crate) fn quadrature(self) -> Quadrature {

@@ -7,14 +7,13 @@ use geom_io::LengthUnit;
 use serde::Serialize;
 use thb_core::{MAX_DEGREE, MAX_LEVELS};
 
-use super::choices::{BlendChoice, BoundaryChoice, Energy, LambdaChoice, Mark, Method, Samples, Tolerance};
+use super::choices::{BlendChoice, BoundaryChoice, Energy, LambdaChoice, Mark, Method, Samples, Schema, Tolerance};
 use super::parameters::{Closed, ParameterOptions};
 use super::policy::Policy;
 use super::quasi::QuasiOptions;
 use super::reweighting::{MarkerChoice, ReweightingOptions};
 use super::typed::{Pair, range, typed};
 use crate::Error;
-use crate::step_header::Schema;
 
 /// Options of [`crate::fit_scan`]. The defaults need no user.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -15,7 +15,7 @@ use multi_patch::Surface;
 use point_cloud::vec3::box_of;
 use quad_layout::{QuadLayout, RawPatch};
 
-use crate::output::is_directory;
+use crate::paths::is_directory;
 use crate::{Error, Event, Watch, units};
 use mesh::SolidMesh;
 pub use options::{LayoutChoice, Sharp, Smoothness, SolidOptions};
