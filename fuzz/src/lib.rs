@@ -14,6 +14,10 @@ pub mod targets;
 
 #[path = "../../crates/cli/src/args.rs"]
 mod args;
+#[path = "../../crates/cli/src/fit_args.rs"]
+mod fit_args;
+#[path = "../../crates/cli/src/scan_args.rs"]
+mod scan_args;
 #[path = "../../crates/cli/src/solid_args.rs"]
 mod solid_args;
 

@@ -38,6 +38,15 @@ awk 'BEGIN {
     for (j = 0; j <= 32; j++) for (i = 0; i <= 40; i++) printf "%.17g,%.17g\n", i / 40, j / 32
 }' >"$work/uv.csv"
 
+# What a file says of itself, in both schemas.
+since=$(date +%s)
+"$thb" fit fixtures/wigley_900.off --tol 1% --name "Rumpf ß" -o "$work/named.step" --quiet
+"$python" tests/peers/check_product.py "$work/named.step" --name "Rumpf ß" --schema AUTOMOTIVE_DESIGN --system "thb " --since "$since"
+"$thb" fit fixtures/wigley_900.off --tol 1% --schema ap242 -o "$work/hull.step" -o "$work/hull.json" --quiet
+"$python" tests/peers/check_product.py "$work/hull.step" --name hull --schema AP242_MANAGED --system "thb " --since "$since"
+"$thb" eval "$work/hull.json" "$work/uv.csv" >"$work/hull.csv"
+"$python" tests/peers/check_step.py "$work/hull.step" "$work/hull.csv" --faces 1 --unit millimetre "${gmsh[@]}"
+
 # check NAME UNIT LIMIT OPTION...: fits with the options; the surface as one face, and as several of at most LIMIT
 # control points each.
 check() {

@@ -23,6 +23,12 @@ const FIGURES: &str = "docs/results/figures";
 enum Arguments {
     /// Check the repository: edges between crates, dependencies, licences, module docs, file sizes, fixtures.
     Tidy,
+    /// Write manual pages and completions of shells for thb.
+    Manual {
+        /// The folder to write to.
+        #[arg(long, default_value = "target/manual")]
+        out: PathBuf,
+    },
     /// Generate synthetic data.
     #[command(subcommand)]
     Generate(Generate),
@@ -474,6 +480,11 @@ fn main() -> Result<()> {
                 (true, _) => fuzz.replay()?,
                 (_, true) => fuzz.minimize(say)?,
                 _ => fuzz.run(seconds, executions.unwrap_or(u64::MAX), say)?,
+            }
+        }
+        Arguments::Manual { out } => {
+            for file in xtask::manual::write(&out)? {
+                println!("{}", file.display());
             }
         }
         Arguments::Tidy => {

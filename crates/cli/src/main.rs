@@ -1,22 +1,33 @@
 //! The command line `thb`: arguments to options, to one call of `reconstruct`, to an exit code.
 
 mod args;
+mod fit_args;
+mod manifest;
+mod plan;
+mod print_config;
 mod progress;
+mod report_file;
+mod scan_args;
+mod settings;
 mod solid_args;
+mod toml_file;
 
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::process::{self, ExitCode};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::Parser;
+use clap::{ArgMatches, FromArgMatches};
 use reconstruct::{
-    BatchEvent, BatchOptions, BatchResult, Error, ErrorKind, PartOutcome, PartResult, SolidOptions, Verdict, run_batch,
+    BatchEvent, BatchOptions, BatchResult, Error, ErrorKind, Exceeded, Limits, PartOutcome, PartResult, StepOptions,
+    Verdict, run_batch,
 };
 use serde::Serialize;
 
-use args::{Cli, Command, CurveArgs, FitArgs, ParamArgs};
+use args::{Cli, Command, CurveArgs, ParamArgs};
+use plan::{Fits, Plan, plan};
 use progress::Progress;
+use settings::UsageError;
 
 const FAILED: u8 = 1;
 const USAGE: u8 = 2;
@@ -25,7 +36,8 @@ const TOLERANCE_NOT_REACHED: u8 = 3;
 const INTERRUPTED: i32 = 130;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let matches = args::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let level = match cli.verbose {
         0 => tracing::Level::ERROR,
         1 => tracing::Level::INFO,
@@ -42,20 +54,32 @@ fn main() -> ExitCode {
     if let Err(error) = clean_up_when_terminated() {
         complain(&format!("signals cannot be handled: {error}"));
     }
-    match run(cli.command) {
+    match run(cli.command, &matches) {
         Ok(code) => ExitCode::from(code),
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             complain(&format!("{error:#}"));
-            let usage = error.downcast_ref().is_some_and(|error: &Error| error.kind() == ErrorKind::Usage);
+            let usage = error.downcast_ref().is_some_and(|error: &Error| error.kind() == ErrorKind::Usage)
+                || error.downcast_ref::<UsageError>().is_some();
             ExitCode::from(if usage { USAGE } else { FAILED })
         }
     }
 }
 
-fn run(command: Command) -> anyhow::Result<u8> {
+fn run(command: Command, matches: &ArgMatches) -> anyhow::Result<u8> {
     match command {
-        Command::Fit(args) => return fit(&args),
+        Command::Fit(args) => {
+            let typed = matches.subcommand_matches("fit").unwrap_or(matches);
+            match plan(&args, typed)? {
+                Plan::Fit(fits) => return fit(&fits),
+                Plan::Print(text) => write!(io::stdout().lock(), "{text}")?,
+            }
+        }
+        Command::Index { directory, summary } => {
+            let parts = reconstruct::join_batch(&directory, summary.as_deref())?;
+            writeln!(io::stdout().lock(), "{}", progress::totals(&parts))?;
+            return Ok(exit_code(&parts));
+        }
         Command::FitCurve(args) => return fit_curve(&args),
         Command::Param(args) => param(&args)?,
         Command::Eval { model, parameters } => {
@@ -69,33 +93,42 @@ fn run(command: Command) -> anyhow::Result<u8> {
             }
             out.flush()?;
         }
-        Command::Convert { model, output, max_step_control_points, flip } => {
-            reconstruct::convert(&model, &output, max_step_control_points, flip)?;
+        Command::Convert { model, output, max_step_control_points, flip, name, schema } => {
+            let header = reconstruct::step_options(name.as_deref().unwrap_or_default(), schema);
+            let step = StepOptions { max_control_points: max_step_control_points, flip, ..header };
+            reconstruct::convert(&model, &output, &step)?;
         }
-        Command::Compare { model, cloud, read, tol } => {
-            print_json(&reconstruct::compare(&model, &cloud, &read.options(), tol)?)?;
+        Command::Compare { model, cloud, read, tol, max, p95, points } => {
+            let limits = Limits { max, p95 };
+            limits.check()?;
+            points.iter().try_for_each(|path| reconstruct::check_no_input(&[model.clone(), cloud.clone()], path))?;
+            let compared = reconstruct::compare(&model, &cloud, &read.options(), tol)?;
+            if let Some(path) = &points {
+                reconstruct::write_distances(path, &compared)?;
+            }
+            print_json(&compared)?;
+            let exceeded = limits.exceeded(&compared);
+            for Exceeded { name, found, limit } in &exceeded {
+                complain(&progress::named(&cloud, &format!("{name} is {found:.4e}, more than --{name} {limit:.4e}")));
+            }
+            return Ok(if exceeded.is_empty() { 0 } else { TOLERANCE_NOT_REACHED });
         }
         Command::Info { file, read } => print_json(&reconstruct::info(&file, &read.options())?)?,
     }
     Ok(0)
 }
 
-fn fit(args: &FitArgs) -> anyhow::Result<u8> {
-    let options = args.options();
-    let threads = at_most_four_a_core("--threads", options.threads);
+/// Fits the parts, says what became of each, and returns the exit code.
+fn fit(fits: &Fits) -> anyhow::Result<u8> {
+    let Fits { parts, run, batch, warnings } = fits;
+    let threads = at_most_four_a_core("--threads", run.threads);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
-    if let Some(solid) = args.solid_options() {
-        return fit_solid(args, &solid);
+    let batch = BatchOptions { jobs: at_most_four_a_core("--jobs", batch.jobs), ..batch.clone() };
+    if !run.quiet {
+        warnings.iter().for_each(|warning| complain(warning));
     }
-    args.solid.check_unused()?;
-    let batch = BatchOptions {
-        outputs: args.outputs.clone(),
-        reports: args.reports.clone(),
-        pages: !args.no_html,
-        summary: args.summary.clone(),
-        jobs: at_most_four_a_core("--jobs", args.jobs.into()),
-    };
-    let progress = Progress::new(args.inputs.len(), options.within);
+    let within = parts.first().map_or(1.0, |part| part.options.surface.within);
+    let progress = Progress::new(parts.len(), within);
     static IS_INTERRUPTED: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| {
         if IS_INTERRUPTED.swap(true, Ordering::Relaxed) {
@@ -104,65 +137,44 @@ fn fit(args: &FitArgs) -> anyhow::Result<u8> {
         }
         complain("ending after this iteration with what there is; interrupt once more to end at once");
     })?;
-    let BatchResult { parts: results, summary } = run_batch(&args.inputs, &options, &batch, &|event| {
+    let BatchResult { parts: results, summary } = run_batch(parts, &batch, &|event| {
         progress.show(event);
         if IS_INTERRUPTED.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     progress.finish();
-    for result in &results {
-        if let PartOutcome::Failed { error } = &result.outcome {
+    if io::stderr().is_terminal() {
+        progress::summary(&results, &batch.outputs).iter().for_each(|line| complain(line));
+    }
+    results.iter().for_each(|result| tell(result, run.quiet));
+    let summary = summary.map_err(|error| complain(&error.to_string()));
+    if results.len() < parts.len() {
+        complain(&format!("{} of {} inputs were not begun", parts.len() - results.len(), parts.len()));
+        return Ok(FAILED);
+    }
+    if summary.is_err() {
+        return Ok(FAILED);
+    }
+    Ok(exit_code(&results))
+}
+
+/// Says what the user should know of a part, on standard error.
+fn tell(result: &PartResult, is_quiet: bool) {
+    match &result.outcome {
+        PartOutcome::Failed { error } => {
             let is_named = progress::names(&result.input, error);
             complain(&if is_named { error.clone() } else { format!("{}: {error}", result.input.display()) });
         }
-        if let PartOutcome::Fitted { reached, reasons, warnings, .. } = &result.outcome {
+        PartOutcome::Fitted { reached, reasons, warnings, .. } => {
             // On a terminal the line stands there already.
             if !reached && !io::stderr().is_terminal() {
                 complain(&progress::line(result));
             }
-            if !args.quiet {
+            if !is_quiet {
                 reasons.iter().for_each(|reason| complain(&progress::reason(&result.input, reason)));
                 warnings.iter().for_each(|warning| complain(&progress::named(&result.input, warning)));
             }
         }
     }
-    let summary = summary.map_err(|error| complain(&error.to_string()));
-    if results.len() < args.inputs.len() {
-        complain(&format!("{} of {} inputs were not begun", args.inputs.len() - results.len(), args.inputs.len()));
-        return Ok(FAILED);
-    }
-    Ok(if summary.is_err() { FAILED } else { exit_code(&results) })
-}
-
-/// Fits a whole part and says how good it is.
-fn fit_solid(args: &FitArgs, options: &SolidOptions) -> anyhow::Result<u8> {
-    let [input] = args.inputs.as_slice() else {
-        let given = format!("with {} inputs", args.inputs.len());
-        return Err(Error::OptionRange { option: "--layout", given, allowed: "with one input" }.into());
-    };
-    options.check()?;
-    reconstruct::check_solid_outputs(&args.outputs, &args.reports)?;
-    let progress = Progress::new(1, options.within);
-    let mut watch = |event: reconstruct::Event<'_>| {
-        progress.show(BatchEvent::Within { input, event });
-        ControlFlow::Continue(())
-    };
-    let fitted = reconstruct::fit_solid_file(input, options, &mut watch);
-    let fitted = fitted.inspect(|fitted| progress.println(progress::solid_line(input, fitted)));
-    progress.finish();
-    let fitted = fitted.map_err(|error| {
-        let is_named = progress::names(input, &error.to_string());
-        let error = anyhow::Error::from(error);
-        if is_named { error } else { error.context(input.display().to_string()) }
-    })?;
-    reconstruct::write_solid_outputs(&fitted, &args.outputs, &args.reports)?;
-    // On a terminal the line stands there already.
-    if !fitted.reached() && !io::stderr().is_terminal() {
-        complain(&progress::solid_line(input, &fitted));
-    }
-    if !args.quiet {
-        fitted.report.reasons.iter().for_each(|reason| complain(&progress::named(input, &reason.to_string())));
-    }
-    Ok(if fitted.reached() { 0 } else { TOLERANCE_NOT_REACHED })
 }
 
 fn fit_curve(args: &CurveArgs) -> anyhow::Result<u8> {

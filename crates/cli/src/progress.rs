@@ -1,11 +1,11 @@
 //! Progress on a terminal; silence when piped.
 
 use std::io::{IsTerminal, stderr};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use reconstruct::{BatchEvent, Event, PartOutcome, PartResult, Reason, SolidFit, Verdict};
+use reconstruct::{BatchEvent, Event, PartOutcome, PartResult, Reason, SolidSummary, Verdict};
 
 /// Shows how far a batch is.
 pub(crate) struct Progress {
@@ -40,15 +40,13 @@ impl Progress {
                 100.0 * self.within,
             )),
             BatchEvent::Done(result) => {
-                self.bar.println(line(result));
+                // The summary says the same of one part.
+                if self.bar.length().is_some_and(|parts| parts > 1) {
+                    self.bar.println(line(result));
+                }
                 self.bar.inc(1);
             }
         }
-    }
-
-    /// Prints a line above the bar, on a terminal.
-    pub(crate) fn println(&self, line: String) {
-        self.bar.println(line);
     }
 
     pub(crate) fn finish(&self) {
@@ -64,6 +62,9 @@ fn name(input: &Path) -> String {
 pub(crate) fn line(result: &PartResult) -> String {
     let name = name(&result.input);
     match &result.outcome {
+        PartOutcome::Fitted { solid: Some(solid), dofs, rmse, max, seconds, .. } => {
+            solid_line(&name, solid, [*dofs as f64, *rmse, *max, *seconds])
+        }
         PartOutcome::Fitted {
             verdict,
             stop,
@@ -107,23 +108,96 @@ pub(crate) fn reason(input: &Path, reason: &Reason) -> String {
 }
 
 /// What became of a whole part.
-pub(crate) fn solid_line(input: &Path, fit: &SolidFit) -> String {
-    let report = &fit.report;
-    let percent = |x: f64| 100.0 * x / report.diagonal;
+fn solid_line(name: &str, solid: &SolidSummary, [dofs, rms, max, seconds]: [f64; 4]) -> String {
+    let percent = |x: f64| 100.0 * x / solid.diagonal;
     let mut text = format!(
-        "{}: {} faces, {} control points, RMS {:.4} %, largest {:.3} % of the diagonal, angles up to {:.3}° (p99 {:.3}°, at vertices \
-         {:.3}°)",
-        input.display(),
-        report.layout.faces,
-        report.functions,
-        percent(report.mesh_to_surface.rms),
-        percent(report.mesh_to_surface.max),
-        report.angles.max,
-        report.angles.p99,
-        report.angles.at_vertices,
+        "{name}: {} faces, {dofs} control points, RMS {:.4} %, largest {:.3} % of the diagonal, angles up to {:.3}° (p99 {:.3}°, at \
+         vertices {:.3}°)",
+        solid.faces,
+        percent(rms),
+        percent(max),
+        solid.largest_angle,
+        solid.p99_angle,
+        solid.angle_at_vertices,
     );
-    if let Some(volume) = report.volume {
-        text += &format!(", volume {:+.3} %", 100.0 * (volume.surface.abs() / volume.mesh.abs() - 1.0));
+    if let Some(error) = solid.volume_error {
+        text += &format!(", volume {:+.3} %", 100.0 * error);
     }
-    text + &format!(", {:.1} s", report.seconds)
+    text + &format!(", {seconds:.1} s")
+}
+
+/// What became of all parts.
+pub(crate) fn totals(parts: &[PartResult]) -> String {
+    let count = |wanted: Option<Verdict>| {
+        let of_part = |part: &PartResult| match part.outcome {
+            PartOutcome::Fitted { verdict, .. } => Some(verdict),
+            PartOutcome::Failed { .. } => None,
+        };
+        parts.iter().filter(|part| of_part(part) == wanted).count()
+    };
+    format!(
+        "{} parts: {} good, {} usable, {} failed, {} without a surface",
+        parts.len(),
+        count(Some(Verdict::Good)),
+        count(Some(Verdict::Usable)),
+        count(Some(Verdict::Failed)),
+        count(None)
+    )
+}
+
+/// What became of the parts, in few words for a person: of one part its files, of several how many there are and where their page is.
+pub(crate) fn summary(results: &[PartResult], outputs: &[PathBuf]) -> Vec<String> {
+    match results {
+        [result] => short(result).into_iter().collect(),
+        several => {
+            let index = outputs.iter().map(|output| output.join("index.html")).find(|index| index.is_file());
+            vec![format!(
+                "{}{}",
+                totals(several),
+                index.map_or(String::new(), |index| format!("; see {}", index.display()))
+            )]
+        }
+    }
+}
+
+/// One line on a part that has a surface.
+fn short(result: &PartResult) -> Option<String> {
+    let PartOutcome::Fitted { verdict, dofs, solid, within_area, tolerance, largest, seconds, .. } = &result.outcome
+    else {
+        return None;
+    };
+    let file = result.outputs.first().map_or_else(|| name(&result.input), |output| name(output));
+    let faces = solid.map_or(String::new(), |solid| format!("{} faces, ", solid.faces));
+    // Rounded down: what is not all does not read as all.
+    let percent = (1000.0 * within_area).floor() / 10.0;
+    Some(format!(
+        "{file}: {verdict}, {faces}{dofs} control points, {percent:.1} % of the area within {}, largest {}, {seconds:.1} s",
+        three_digits(*tolerance),
+        three_digits(*largest)
+    ))
+}
+
+/// A number with as many digits as anybody reads at a glance.
+fn three_digits(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    if rounded == 0.0 || (1e-4..1e6).contains(&rounded.abs()) { rounded.to_string() } else { format!("{rounded:e}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        for (value, text) in [
+            (0.0333456, "0.0333"),
+            (0.04, "0.04"),
+            (1234.5, "1230"),
+            (0.0, "0"),
+            (1.0 / 3e7, "3.33e-8"),
+            (2.5e9, "2.5e9"),
+        ] {
+            assert_eq!(three_digits(value), text);
+        }
+    }
 }

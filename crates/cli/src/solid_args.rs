@@ -6,9 +6,10 @@ use reconstruct::{Error, LayoutChoice, Sharp, Smoothness};
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Whole parts")]
 pub(crate) struct SolidArgs {
-    /// How a part is cut into faces: one, a sheet of four sides; patches of four sides, found by the program or of a layout file
-    /// (.json, .json.gz), each a face, and a closed mesh one solid; auto, patches for one closed mesh that STEP files are made of, one
-    /// sheet otherwise. With patches, --mesh counts the elements along each side of a patch (4 unless told, more where the tolerance
+    /// How a part is cut into faces: one sheet of four sides; patches of four sides, each a face; auto, patches for a closed mesh.
+    ///
+    /// Patches are found by the program, or are those of a layout file (.json, .json.gz); a closed mesh becomes one solid. auto takes them
+    /// for one closed mesh that STEP files are made of. With patches, --mesh counts the elements along each side of a patch (4 unless told, more where the tolerance
     /// asks for it); the tolerance is 0.3 % unless told.
     #[arg(long, value_name = "auto|one|patches|FILE", default_value_t = LayoutChoice::Auto)]
     pub(crate) layout: LayoutChoice,
@@ -22,6 +23,11 @@ pub(crate) struct SolidArgs {
 }
 
 impl SolidArgs {
+    /// Whether an option was given that counts for whole parts only.
+    pub(crate) fn is_used(&self) -> bool {
+        self.smoothness.is_some() || self.sharp.is_some()
+    }
+
     /// An option was typed that nothing would come of, where no whole part is made.
     pub(crate) fn check_unused(&self) -> Result<(), Error> {
         let smoothness = self.smoothness.map(|given| ("--smoothness", given.to_string()));

@@ -1,8 +1,9 @@
 //! One verdict on a surface: good, usable or failed, with the reasons.
 
+use std::borrow::Cow;
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{Deviation, Thresholds};
 
@@ -10,7 +11,7 @@ use crate::{Deviation, Thresholds};
 pub const SCAN_NOT_WITHIN: &str = "scan-not-within";
 
 /// How good a surface is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// Near the scan everywhere, with nothing to look at.
@@ -39,10 +40,10 @@ impl fmt::Display for Verdict {
 }
 
 /// A reason why a surface is not good.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Reason {
     /// A stable name.
-    pub code: &'static str,
+    pub code: Cow<'static, str>,
     /// The verdict that it leads to.
     pub verdict: Verdict,
     /// What is wrong, in a sentence.
@@ -59,7 +60,7 @@ impl Thresholds {
     /// Why a surface is not good where a share of the points was set aside unasked; `None` if that share is small.
     pub fn set_aside(&self, share: f64) -> Option<Reason> {
         (share > self.left_out).then(|| Reason {
-            code: "points-set-aside",
+            code: "points-set-aside".into(),
             verdict: Verdict::Usable,
             text: format!(
                 "{:.1} % of the points were set aside unasked as values far beyond the rest or points that stand alone: look whether \
@@ -75,7 +76,7 @@ impl Thresholds {
     /// Why a surface that runs between two layers of points, a `distance` apart, is not good.
     pub fn two_layers(&self, distance: f64, share: f64) -> Reason {
         Reason {
-            code: "two-layers",
+            code: "two-layers".into(),
             verdict: Verdict::Usable,
             text: format!(
                 "two layers of points, {distance:.4e} apart over {:.0} % of them: the surface runs in the middle, and distances are to the \
@@ -91,8 +92,8 @@ impl Thresholds {
     /// Why a surface is not good; nothing if it is.
     pub fn reasons(&self, deviation: &Deviation) -> Vec<Reason> {
         let mut reasons = Vec::new();
-        let mut add = |code, verdict, figure: f64, limit: f64, place, text: String| {
-            reasons.push(Reason { code, verdict, text, figure, limit, place });
+        let mut add = |code: &'static str, verdict, figure: f64, limit: f64, place, text: String| {
+            reasons.push(Reason { code: code.into(), verdict, text, figure, limit, place });
         };
         let tolerance = deviation.tolerance;
         let to_surface = &deviation.scan_to_surface;

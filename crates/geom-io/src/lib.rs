@@ -21,7 +21,8 @@ mod write;
 pub use error::{Location, ReadError, ReadErrorKind, WriteError};
 pub use model::{
     GRAPH, Geometry, LayoutFile, LayoutQuad, LengthUnit, Model, ModelError, ModelErrorKind, ModelFormat, StepOptions,
-    StepSurface, SvgOptions, WriteOptions, parse_layout, read_layout, read_model, write_model, write_solid, write_step,
+    StepSchema, StepSize, StepSurface, SvgOptions, WriteOptions, parse_layout, read_layout, read_model, write_model,
+    write_solid, write_step,
 };
 pub use read::{Decimal, Format, ReadOptions, Scan, TakenColumn, parse_scan, read_scan, read_text};
 pub use write::{

@@ -382,6 +382,26 @@ pub enum Error {
         /// The name.
         name: String,
     },
+    /// A record of a batch cannot be understood.
+    #[error("{}: no record of a part: {source}", path.display())]
+    Record {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: serde_json::Error,
+    },
+    /// A directory without records of parts.
+    #[error("{} holds no records of parts, which `thb fit` writes to {}", directory.display(), directory.join(crate::RECORDS).display())]
+    NoRecords {
+        /// The directory.
+        directory: PathBuf,
+    },
+    /// A directory without scans.
+    #[error("{} holds no file with the extension of a scan", path.display())]
+    NoScans {
+        /// The directory.
+        path: PathBuf,
+    },
     /// Arrays in memory have different numbers of rows.
     #[error("there are {given} {what} for {points} points; give one row for each point")]
     RowsDiffer {

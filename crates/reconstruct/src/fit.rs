@@ -19,9 +19,10 @@ use crate::orientation::vote;
 use crate::parameters::{Parameterized, parameterize};
 use crate::prepare;
 use crate::problem::Problem;
-use crate::report::{InputReport, PROGRAM, Report, ResultReport, SmoothedMore, history, sides};
+use crate::program::{PROGRAM, SCHEMA};
+use crate::report::{InputReport, Report, ResultReport, SmoothedMore, history, sides};
 use crate::scanned::{ReadPoints, Scanned, fingerprint};
-use crate::tolerance::hint;
+use crate::tolerance::{hint, hint_if_large};
 use crate::trim::trims;
 use crate::warnings::{Warning, of_surface};
 use crate::{DefaultTolerance, Error, Event, FitOptions, ScanMeasures, Tolerance, Watch, units};
@@ -122,7 +123,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         triangles: if laid_out.is_mesh { laid_out.triangles } else { Vec::new() },
     };
     let report = Report {
-        schema: 1,
+        schema: SCHEMA,
         program: PROGRAM,
         history: history(iterations, moves, quasi),
         result,
@@ -215,6 +216,7 @@ impl Asked {
         let tolerance = measured.map_or(options.tol.resolve(diagonal), |found| found.value);
         if measured.is_none() {
             warnings.extend(hint(points.view(), tolerance)?);
+            warnings.extend(hint_if_large(tolerance, diagonal));
         }
         let (method, verdict) = (laid_out.report.method, laid_out.report.verdict);
         tracing::info!(points = points.nrows(), method, verdict, tolerance, "parameterized");

@@ -19,6 +19,7 @@ use crate::clean::{MeshPieces, far_values, mesh_pieces};
 use crate::error::pieces_of;
 use crate::judge::MOST_IN_ORDER;
 use crate::mesh::tessellate;
+use crate::output::name_in;
 use crate::parameters::in_canonical_order;
 use crate::{Error, Tolerance, units};
 
@@ -41,6 +42,8 @@ pub struct Comparison {
     pub rmse: f64,
     /// The tolerance, in the units of the points.
     pub tolerance: f64,
+    /// Diagonal of the points' box, of which percentages are.
+    pub diagonal: f64,
     /// Share of the points within it.
     pub within: f64,
     /// Largest distance at the points' own parameters, where the cloud has parameters in the model's domain.
@@ -49,6 +52,24 @@ pub struct Comparison {
     pub deviation: Deviation,
     /// Remarks of the reader of the scan.
     pub notes: Vec<String>,
+    /// The points one by one, in the order of the file.
+    #[serde(skip)]
+    pub at_points: Vec<PointDistance>,
+}
+
+/// A point and the closest point of a surface.
+#[derive(Clone, Debug)]
+pub struct PointDistance {
+    /// Which point of the file it is, from 0.
+    pub row: u32,
+    /// Its coordinates.
+    pub point: Vec<f64>,
+    /// Its distance from the surface.
+    pub distance: f64,
+    /// The closest point of the surface.
+    pub closest: Vec<f64>,
+    /// The parameters of that.
+    pub parameters: [f64; 2],
 }
 
 /// Compares a cloud, read as `read` says, with a model: distances of its points to their closest points on the surface.
@@ -65,7 +86,8 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
         scan.select(&(0..scan.rows.len()).filter(is_near).collect::<Vec<_>>());
     }
     let points = scan.cloud.points;
-    let tolerance = tolerance.resolve(far.bounds.diagonal());
+    let diagonal = far.bounds.diagonal();
+    let tolerance = tolerance.resolve(diagonal);
     if points.ncols() != map.dim() {
         return Err(fit_ls::Error::Shape {
             what: "coordinates of the points",
@@ -75,8 +97,16 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
         .into());
     }
     let search = ClosestPoints::new(map.bezier().clone())?;
-    let rows: Vec<Vec<f64>> = points.outer_iter().map(|row| row.to_vec()).collect();
-    let distances: Vec<f64> = rows.par_iter().map(|row| search.closest(row).distance).collect();
+    let rows: Vec<(u32, Vec<f64>)> =
+        scan.rows.iter().copied().zip(points.outer_iter().map(|row| row.to_vec())).collect();
+    let at_point = |(row, point): (u32, Vec<f64>)| {
+        let found = search.closest(&point);
+        let closest = map.eval(found.u)?.to_vec();
+        Ok(PointDistance { row, point, distance: found.distance, closest, parameters: found.u })
+    };
+    let mut at_points = rows.into_par_iter().map(at_point).collect::<Result<Vec<PointDistance>, Error>>()?;
+    let distances: Vec<f64> = at_points.iter().map(|at| at.distance).collect();
+    at_points.sort_by_key(|at| at.row);
     let of_points = adaptive::Deviation::new(&distances, tolerance);
     let parameters = scan.cloud.parameters.as_ref().filter(|parameters| parameters.ncols() == 2);
     let deviation = measured(&map, &points, scan.triangles, parameters.map(|p| p.view()), tolerance)?;
@@ -96,10 +126,12 @@ pub fn compare(model: &Path, cloud: &Path, read: &ReadOptions, tolerance: Tolera
         mse: of_points.mse,
         rmse: of_points.rmse(),
         tolerance,
+        diagonal,
         within: of_points.within,
         max_at_parameters,
         deviation,
         notes: scan.notes,
+        at_points,
     })
 }
 
@@ -222,10 +254,12 @@ fn eval_rows<const D: usize>(
 ///
 /// # Errors
 /// [`Error`].
-pub fn convert(input: &Path, output: &Path, max_step_control_points: usize, flip: bool) -> Result<(), Error> {
+pub fn convert(input: &Path, output: &Path, step: &StepOptions) -> Result<(), Error> {
     let model = read_model(input)?;
+    let flip = step.flip;
     if ModelFormat::from_path(output).is_some() {
-        let step = StepOptions { max_control_points: max_step_control_points, flip, ..StepOptions::default() };
+        let product = if step.product.is_empty() { name_in(&model.metadata) } else { &step.product };
+        let step = StepOptions { product: product.to_owned(), ..step.clone() };
         return Ok(write_model(output, &model, &WriteOptions { step, ..WriteOptions::default() })?);
     }
     if MeshFormat::from_path(output).is_err() {

@@ -34,12 +34,14 @@ mod inspect;
 mod judge;
 mod knots;
 mod level_zero;
+mod limits;
 mod memory;
 mod mesh;
 mod methods;
 mod options;
 mod orientation;
 mod output;
+mod overwriting;
 mod page;
 mod parameters;
 mod paths;
@@ -47,10 +49,12 @@ mod picture;
 mod pieces;
 mod prepare;
 mod problem;
+mod program;
 mod report;
 mod scanned;
 mod solid;
 mod solid_output;
+mod step_header;
 mod tolerance;
 mod trim;
 mod units;
@@ -58,7 +62,10 @@ mod warnings;
 mod watch;
 
 pub use auto::{Candidate, Defect, GaveUp, Reason as ChoiceReason, Tried};
-pub use batch::{BatchEvent, BatchOptions, BatchResult, PartOutcome, PartResult, check_parameter_outputs, run_batch};
+pub use batch::{
+    BatchEvent, BatchOptions, BatchPart, BatchResult, PartOptions, PartOutcome, PartResult, RECORDS, SolidSummary,
+    join_batch, run_batch, scans_in,
+};
 pub use clean::CleaningReport;
 pub use curve::{
     ClosedChoice, CornerChoice, CurveFit, CurveInput, CurveIteration, CurveLimits, CurveOptions, CurveParameters,
@@ -67,18 +74,20 @@ pub use curve::{
 pub use deviation::{Deviation, Reason, Thresholds, Verdict};
 pub use error::{Error, ErrorKind};
 pub use fit::{Fit, fit_file, fit_scan};
-pub use inspect::{Comparison, Evaluation, Info, compare, convert, eval_model, info};
+pub use inspect::{Comparison, Evaluation, Info, PointDistance, compare, convert, eval_model, info};
+pub use limits::{Exceeded, Limits, write_distances};
 pub use memory::{Mesh, Points, fit};
 pub use methods::QuasiReport;
 pub use methods::ReweightingReport;
 pub use options::{
     BlendChoice, BoundaryChoice, Clean, Closed, Crop, Domain, Energy, FitOptions, GivenCorners, LambdaChoice,
     LocalRule, LossChoice, Mark, MarkerChoice, Method, Networks, Pair, ParameterChoice, ParameterOptions,
-    ParseOptionError, Policy, QuasiOptions, RadiusChoice, Refine, ReweightingOptions, Samples, SideRule, ToldSpline,
-    Tolerance, UpdateChoice,
+    ParseOptionError, Policy, QuasiOptions, RadiusChoice, Refine, ReweightingOptions, Samples, Schema, SideRule,
+    ToldSpline, Tolerance, UpdateChoice,
 };
 pub use orientation::NormalsReport;
 pub use output::{OutputPaths, write_outputs, write_parameters, write_piece_outputs, write_report, write_text};
+pub use overwriting::{check_no_input, check_parameter_outputs};
 pub use page::{page_of, page_of_pieces, page_of_solid};
 pub use parameters::{
     HoleReport, LayersReport, NetworkReport, ParameterReport, Parameterized, SeamReport, Stretch, VoidReport,
@@ -90,17 +99,20 @@ pub use report::{
     InputReport, IterationReport, LayoutReport, MovesReport, Report, ResultReport, SecondsReport, SmoothedMore,
     layout_report,
 };
-pub use scanned::Scanned;
+pub use scanned::{Scanned, fingerprint};
 pub use solid::{
     LayoutChoice, Sharp, Smoothness, SolidDistances, SolidFit, SolidLayoutReport, SolidOptions, SolidReason,
     SolidReport, SolidVolume, fit_solid_file, makes_solid,
 };
 pub use solid_output::{check_solid_outputs, write_solid_outputs};
+pub use step_header::step_options;
 pub use tolerance::{DefaultTolerance, ScanMeasures, ToleranceRule};
 pub use watch::{Event, Watch};
 
 pub use adaptive::{Iteration, Stop};
-pub use geom_io::{Decimal, Format, LengthUnit, Model, ReadOptions, Scan, TakenColumn, remove_unfinished};
+pub use geom_io::{
+    Decimal, Format, LengthUnit, Model, ReadOptions, Scan, StepOptions, StepSize, TakenColumn, remove_unfinished,
+};
 pub use ndarray;
 pub use thb_core::{self, SplineMap};
 

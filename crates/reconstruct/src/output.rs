@@ -1,19 +1,19 @@
 //! Results in files.
 
 use std::collections::BTreeSet;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use geom_io::{
-    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, StepSurface, WriteOptions,
+    MeshFormat, MeshStyle, MeshWithScalars, ModelFormat, Scalars, StepOptions, StepSize, StepSurface, WriteOptions,
     check_writable, write_atomically, write_mesh, write_model, write_step,
 };
 use ndarray::{Array1, Array2, Axis};
 use serde::Serialize;
 
 use crate::mesh::{nearest_errors, tessellate};
-use crate::paths::identity;
-use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters, page_of, page_of_pieces};
+use crate::paths::{identity, is_directory};
+use crate::{Error, Fit, Parameterized, PieceFits, draw_parameters, page_of, page_of_pieces, step_options};
 
 /// Where the results of one part go.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -31,15 +31,19 @@ impl OutputPaths {
     /// # Errors
     /// [`Error::OutputFormat`].
     pub fn of(input: &Path, outputs: &[PathBuf], reports: &[PathBuf], pages: bool) -> Result<Self, Error> {
+        Self::of_name(&part_name(input), outputs, reports, pages)
+    }
+
+    /// The same for a part of a name that need not be that of its file.
+    pub(crate) fn of_name(name: &OsStr, outputs: &[PathBuf], reports: &[PathBuf], pages: bool) -> Result<Self, Error> {
         let mut paths = Self { files: Vec::new(), reports: reports.to_vec() };
         for output in outputs {
             if output.as_os_str() == "-" {
                 return Err(Error::OutputFormat { path: output.clone() });
             }
             if is_directory(output) {
-                let stem = part_name(input);
                 let named = |extension: &str| {
-                    let mut name = stem.clone();
+                    let mut name = name.to_owned();
                     name.push(extension);
                     output.join(name)
                 };
@@ -62,6 +66,13 @@ impl OutputPaths {
 }
 
 impl OutputPaths {
+    /// Where a whole part goes: to all but the files of a directory that are no STEP files.
+    pub(crate) fn of_solid(&self, outputs: &[PathBuf]) -> Self {
+        let is_step = |path: &PathBuf| ModelFormat::from_path(path) == Some(ModelFormat::Step);
+        let files = self.files.iter().filter(|path| is_step(path) || outputs.contains(path));
+        Self { files: files.cloned().collect(), reports: self.reports.clone() }
+    }
+
     /// Checks that files can be made where the outputs will stand, before work is done for them.
     ///
     /// # Errors
@@ -81,11 +92,6 @@ pub(crate) fn part_name(input: &Path) -> OsString {
     inner.file_stem().unwrap_or_default().to_owned()
 }
 
-/// Whether an output is meant to be a directory: it is one, or its name has no extension or ends in a separator.
-pub(crate) fn is_directory(output: &Path) -> bool {
-    output.is_dir() || output.extension().is_none() || output.to_string_lossy().ends_with(std::path::is_separator)
-}
-
 fn is_output_file(path: &Path) -> bool {
     ModelFormat::from_path(path).is_some_and(ModelFormat::holds_surfaces) || MeshFormat::from_path(path).is_ok()
 }
@@ -99,17 +105,20 @@ pub fn write_outputs(fit: &Fit, outputs: &OutputPaths) -> Result<(), Error> {
 }
 
 /// Pixels of the small picture of a part in the page of a batch.
-const THUMBNAIL: [usize; 2] = [180, 120];
+pub(crate) const THUMBNAIL: [usize; 2] = [180, 120];
 
-/// As [`write_outputs`]; returns a small picture, as PNG, if there is a page.
-pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result<Vec<u8>, Error> {
+/// As [`write_outputs`]; returns what is known then.
+pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result<Written, Error> {
+    let mut step = None;
     for path in &outputs.files {
         make_parent(path)?;
         match ModelFormat::from_path(path) {
-            Some(_) => {
-                let step = step_options(fit);
-                write_model(path, &fit.model, &WriteOptions { step, ..WriteOptions::default() })?;
+            Some(ModelFormat::Step) => {
+                let options = step_options_of(fit);
+                let surface = StepSurface { map: fit.surface(), options: &options };
+                step = Some(write_step(path, &[surface], fit.model.unit)?);
             }
+            Some(_) => write_model(path, &fit.model, &WriteOptions::default())?,
             None => write_meshes(path, &[fit])?,
         }
     }
@@ -120,10 +129,27 @@ pub(crate) fn write_outputs_and_draw(fit: &Fit, outputs: &OutputPaths) -> Result
             write_text(path, &page.to_html())?;
             picture = page.thumbnail(THUMBNAIL);
         } else {
-            write_report(path, &fit.report)?;
+            write_report(path, &WithStep { report: &fit.report, step })?;
         }
     }
-    Ok(picture)
+    Ok(Written { picture, step })
+}
+
+/// What is known of files that were written.
+pub(crate) struct Written {
+    /// A small picture, as PNG, if there is a page; else empty.
+    pub(crate) picture: Vec<u8>,
+    /// How large the STEP file is, if there is one.
+    pub(crate) step: Option<StepSize>,
+}
+
+/// A report, and how large the STEP file is.
+#[derive(Serialize)]
+pub(crate) struct WithStep<'a, R: Serialize> {
+    #[serde(flatten)]
+    pub(crate) report: &'a R,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) step: Option<StepSize>,
 }
 
 /// Whether a report is a page to look at, by its name.
@@ -158,16 +184,16 @@ pub fn write_piece_outputs(
             return Err(Error::PieceOutput { path });
         }
     }
-    let mut written = Vec::new();
+    let (mut written, mut step) = (Vec::new(), None);
     for path in outputs.files.iter().filter(|_| !fitted.is_empty()) {
         make_parent(path)?;
         match ModelFormat::from_path(path) {
             Some(ModelFormat::Step) => {
-                let options: Vec<StepOptions> = fitted.iter().map(|(_, fit)| step_options(fit)).collect();
+                let options: Vec<StepOptions> = fitted.iter().map(|(_, fit)| step_options_of(fit)).collect();
                 let surfaces = fitted.iter().zip(&options);
                 let surfaces = surfaces.map(|((_, fit), options)| StepSurface { map: fit.surface(), options });
                 let surfaces: Vec<StepSurface<'_>> = surfaces.collect();
-                write_step(path, &surfaces, fitted[0].1.model.unit)?;
+                step = Some(write_step(path, &surfaces, fitted[0].1.model.unit)?);
                 written.push(path.clone());
             }
             Some(_) => {
@@ -185,7 +211,7 @@ pub fn write_piece_outputs(
     }
     for path in &outputs.reports {
         if !is_page(path) {
-            write_report(path, &fits.report())?;
+            write_report(path, &WithStep { report: &fits.report(), step })?;
         } else if let Some(page) = page_of_pieces(fits)? {
             write_text(path, &page.to_html())?;
         } else {
@@ -204,13 +230,22 @@ fn of_piece(path: &Path, number: usize) -> PathBuf {
     path.with_file_name(name)
 }
 
-fn step_options(fit: &Fit) -> StepOptions {
+fn step_options_of(fit: &Fit) -> StepOptions {
+    let options = &fit.report.options;
     StepOptions {
-        max_control_points: fit.report.options.max_step_control_points,
+        max_control_points: options.max_step_control_points,
         holes: fit.holes.clone(),
         flip: fit.reversed,
-        ..StepOptions::default()
+        ..step_options(name_in(&fit.model.metadata), options.schema)
     }
+}
+
+/// Key under which a model keeps the name of its part.
+pub(crate) const NAME: &str = "name";
+
+/// The name of a part in what a model says of itself; empty without.
+pub(crate) fn name_in(metadata: &serde_json::Map<String, serde_json::Value>) -> &str {
+    metadata.get(NAME).and_then(serde_json::Value::as_str).unwrap_or_default()
 }
 
 /// Writes surfaces as one mesh, with the distance of the nearest fitted point at each vertex.

@@ -17,9 +17,6 @@ use crate::options::Method;
 use crate::orientation::NormalsReport;
 use crate::{DefaultTolerance, Error, FitOptions, ParameterOptions, ParameterReport, Parameterized, ReweightingReport};
 
-/// The program and its version.
-pub(crate) const PROGRAM: &str = concat!("thb ", env!("CARGO_PKG_VERSION"));
-
 /// Report of one fit. Keys are added by later versions, never renamed within a schema.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {

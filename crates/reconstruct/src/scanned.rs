@@ -56,7 +56,7 @@ impl ReadPoints {
 }
 
 /// The SHA-256 fingerprint of a file, as `sha256sum` prints it; `None` of pipes and of what cannot be read again.
-pub(crate) fn fingerprint(path: &Path) -> Option<String> {
+pub fn fingerprint(path: &Path) -> Option<String> {
     let hash = || -> io::Result<String> {
         let mut file = File::open(path)?;
         let (mut sum, mut block) = (Sha256::new(), vec![0; BLOCK]);

@@ -4,26 +4,43 @@ use std::path::PathBuf;
 
 use geom_io::{StepOptions, write_solid};
 
-use crate::output::{is_page, make_parent};
+use crate::options::Schema;
+use crate::output::{THUMBNAIL, WithStep, Written, is_page, make_parent};
+use crate::step_header::step_options;
 use crate::{Error, SolidFit, page_of_solid, write_report, write_text};
 
-/// Writes a surface of many faces into a STEP file, and its report into a file of its own, each complete or not at all.
+/// Writes a surface of many faces into STEP files, and its report into files of its own, each complete or not at all.
 ///
 /// # Errors
 /// [`Error::Model`], [`Error::Write`], [`Error::Io`].
 pub fn write_solid_outputs(fit: &SolidFit, outputs: &[PathBuf], reports: &[PathBuf]) -> Result<(), Error> {
+    write_solid_and_draw(fit, outputs, reports, &step_options("", Schema::Ap214)).map(drop)
+}
+
+/// As [`write_solid_outputs`], with a header; returns what is known then.
+pub(crate) fn write_solid_and_draw(
+    fit: &SolidFit,
+    outputs: &[PathBuf],
+    reports: &[PathBuf],
+    step: &StepOptions,
+) -> Result<Written, Error> {
+    let options = StepOptions { flip: fit.reversed, ..step.clone() };
+    let mut step = None;
     for path in outputs {
         make_parent(path)?;
-        write_solid(path, &fit.surface, fit.unit, &StepOptions { flip: fit.reversed, ..StepOptions::default() })?;
+        step = Some(write_solid(path, &fit.surface, fit.unit, &options)?);
     }
+    let mut picture = Vec::new();
     for path in reports {
         if is_page(path) {
-            write_text(path, &page_of_solid(fit)?.to_html())?;
+            let page = page_of_solid(fit)?;
+            write_text(path, &page.to_html())?;
+            picture = page.thumbnail(THUMBNAIL);
         } else {
-            write_report(path, &fit.report)?;
+            write_report(path, &WithStep { report: &fit.report, step })?;
         }
     }
-    Ok(())
+    Ok(Written { picture, step })
 }
 
 /// Refuses outputs of a surface of many faces that are no STEP files, before work is done for them.
@@ -36,9 +53,5 @@ pub fn check_solid_outputs(outputs: &[PathBuf], reports: &[PathBuf]) -> Result<(
             return Err(Error::SolidFormat { path: path.clone() });
         }
     }
-    for path in outputs.iter().chain(reports) {
-        make_parent(path)?;
-        geom_io::check_writable(path)?;
-    }
-    Ok(())
+    Ok(outputs.iter().chain(reports).try_for_each(|path| geom_io::check_writable(path))?)
 }

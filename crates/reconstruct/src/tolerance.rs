@@ -5,6 +5,7 @@ use point_cloud::{noise_sigma, relief, ring_radius, rounding_step, thickness, th
 use serde::Serialize;
 
 use crate::Error;
+use crate::units::four_digits;
 
 /// Share of the diagonal. Calibrated: on the scans of docs/results it is what shows in a shaded picture; it was the default alone before.
 const PER_DIAGONAL: f64 = 1e-3;
@@ -154,6 +155,24 @@ pub(crate) fn hint(points: ArrayView2<'_, f64>, tolerance: f64) -> Result<Option
             PER_NOISE * noise
         )
     }))
+}
+
+/// Tolerance, as a share of the diagonal, beyond which it is more likely that another unit or a percentage was meant.
+///
+/// Limit: a hint and no more; at 5 % a surface of one cell is within the tolerance of most scans.
+const HINT_PER_DIAGONAL: f64 = 0.05;
+
+/// What the user should know of a tolerance that is large beside the scan.
+pub(crate) fn hint_if_large(tolerance: f64, diagonal: f64) -> Option<String> {
+    (tolerance > HINT_PER_DIAGONAL * diagonal).then(|| {
+        format!(
+            "the tolerance {} is {:.0} % of the diagonal of the scan, {}: little of its shape is asked for; --tol is a \
+             length in the unit of the scan, or a percentage of its diagonal, as in --tol 0.5%",
+            four_digits(tolerance),
+            100.0 * tolerance / diagonal,
+            four_digits(diagonal)
+        )
+    })
 }
 
 #[cfg(test)]

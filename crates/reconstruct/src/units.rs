@@ -29,7 +29,7 @@ pub(crate) fn hint(asked: Option<LengthUnit>, of_file: Option<LengthUnit>, diago
 }
 
 /// A number with as many digits as anybody reads.
-fn four_digits(value: f64) -> String {
+pub(crate) fn four_digits(value: f64) -> String {
     format!("{value:.3e}").parse().map_or_else(|_| value.to_string(), |rounded: f64| rounded.to_string())
 }
 

@@ -134,7 +134,7 @@ pub(crate) fn of_surface(
     let (tolerance, sagitta) = (deviation.tolerance, deviation.sagitta_p95.unwrap_or(0.0));
     warn(sagitta > tolerance, Warning::BelowSagitta { tolerance, sagitta });
     warn(*creases > MOST_CREASES, Warning::Creased { share: *creases });
-    let is_torn = |reason: &Reason| TORN.contains(&reason.code);
+    let is_torn = |reason: &Reason| TORN.contains(&&*reason.code);
     warn(given && judgement.reasons.iter().any(is_torn), Warning::TornParameters);
     warnings
 }

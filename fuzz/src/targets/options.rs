@@ -41,17 +41,18 @@ fn parse<'a>(typed: impl Iterator<Item = &'a str>) -> Result<Cli, clap::Error> {
 
 fn check(command: Command) {
     let result = match command {
-        Command::Fit(args) => match args.solid_options() {
-            Some(options) => options.check(),
-            None => args.solid.check_unused().and_then(|()| args.options().check()),
-        },
+        Command::Fit(args) => {
+            let options = args.part.options(args.run.threads);
+            let as_solid = options.solid.check();
+            args.part.solid.check_unused().and_then(|()| options.surface.check()).and(as_solid)
+        }
         Command::FitCurve(args) => args.options().check(),
         Command::Param(args) => args.layout.options().check(),
         Command::Compare { read, .. } | Command::Info { read, .. } => {
             let _ = read.options();
             return;
         }
-        Command::Eval { .. } | Command::Convert { .. } => return,
+        Command::Eval { .. } | Command::Convert { .. } | Command::Index { .. } => return,
     };
     if let Err(error) = result {
         messages::check(&error.to_string());

@@ -188,7 +188,7 @@ pub(super) fn run(bytes: &[u8]) {
     bounds::name_running(&typed.join(" "));
     let cli = Cli::try_parse_from(&typed).unwrap_or_else(|error| panic!("{typed:?}: {error}"));
     let Command::Fit(args) = cli.command else { panic!("the command is to fit") };
-    let options = args.options();
+    let options = args.part.options(args.run.threads).surface;
     bounded(Bounds { memory: MEMORY, time: TIME }, || {
         let scan = match parse_scan(text.as_bytes(), format, &options.parameters.read) {
             Ok(scan) => scan,

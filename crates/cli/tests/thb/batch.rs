@@ -23,6 +23,7 @@ fn a_broken_part_does_not_stop_the_others() {
         let of_part = |part: &str| ["html", "json", "report.json", "step"].map(|end| format!("out/{part}.{end}"));
         let mut expected = [of_part("a"), of_part("c")].concat();
         expected.extend(["out/all.jsonl", "out/index.html"].map(str::to_owned));
+        expected.extend(["a", "broken", "c"].map(|part| format!("out/parts/{part}.json")));
         expected.extend(["a.off", "broken.off", "c.csv"].map(str::to_owned));
         expected.sort();
         assert_eq!(lab.files().into_iter().collect::<Vec<_>>(), expected);

@@ -186,3 +186,77 @@ fn info_tells_models_from_scans() {
     lab.fails("info missing.off", 1, &["missing.off"]);
     lab.fails("info missing.json", 1, &["missing.json"]);
 }
+
+#[test]
+fn step_files_name_their_part_and_their_program() {
+    let lab = Lab::with("scan.off", scans::mesh());
+    lab.succeeds("fit scan.off --tol 1% -o face.step -o face.json --report face.report.json");
+    let step = lab.text("face.step");
+    assert!(
+        step.contains("PRODUCT('face','face'") && step.contains("FILE_SCHEMA(('AUTOMOTIVE_DESIGN"),
+        "{}",
+        &step[..900]
+    );
+    let system = format!("'thb {}'", env!("CARGO_PKG_VERSION"));
+    assert!(
+        step.contains("FILE_NAME('face.step','2000-02-29T00:00:00+00:00',") && step.contains(&system),
+        "{}",
+        &step[..500]
+    );
+    // Poles are more than control points: they are those of the tensor product.
+    let report = lab.json("face.report.json");
+    let points = step.matches("B_SPLINE_SURFACE_WITH_KNOTS").count();
+    assert_eq!((&report["step"]["faces"], points), (&1.into(), 1));
+    assert!(report["step"]["poles"].as_u64() >= report["result"]["dofs"].as_u64(), "{}", report["step"]);
+    assert!(!lab.text("face.json").contains("\"name\""));
+
+    lab.succeeds("fit scan.off --tol 1% --name Deckel --schema ap242 -o out/");
+    let step = lab.text("out/Deckel.step");
+    assert!(step.contains("PRODUCT('Deckel'") && step.contains("FILE_SCHEMA(('AP242_MANAGED"), "{}", &step[..900]);
+    // The model keeps its name.
+    lab.succeeds("convert out/Deckel.json -o other.step");
+    assert!(lab.text("other.step").contains("PRODUCT('Deckel'"));
+    lab.succeeds("convert out/Deckel.json -o other.step --name Lid --schema ap242");
+    let step = lab.text("other.step");
+    assert!(step.contains("PRODUCT('Lid'") && step.contains("AP242") && step.contains(&system));
+    lab.fails("fit scan.off scan.off --name Deckel -o out/", 2, &["--name", "2"]);
+    lab.fails("fit scan.off --schema ap203 -o a.step", 2, &["ap203", "ap214"]);
+}
+
+#[test]
+fn a_comparison_is_a_gate() {
+    let lab = Lab::with("scan.off", scans::mesh());
+    lab.succeeds("fit scan.off --tol 1% -o part.json");
+    let found = lab.prints_json("compare part.json scan.off --points points.csv");
+    let of_area = |key: &str| found["deviation"]["scan_to_surface"][key].as_f64().unwrap();
+    let diagonal = found["diagonal"].as_f64().unwrap();
+    for (key, value) in [("max", of_area("max")), ("p95", of_area("p95"))] {
+        for (factor, code) in [(1.01, 0), (0.99, 3)] {
+            for limit in [format!("{}", factor * value), format!("{}%", 100.0 * factor * value / diagonal)] {
+                let run = lab.thb(&format!("compare part.json scan.off --{key} {limit}"));
+                assert_eq!(
+                    (run.code, run.stderr.contains(&format!("more than --{key}"))),
+                    (code, code == 3),
+                    "{run:?}"
+                );
+                assert!(run.stdout.contains("\"dhd\""));
+            }
+        }
+    }
+    // A row a point, in the order of the file, and the figures of all.
+    let rows = table(&lab.text("points.csv"));
+    assert_eq!(rows.len() as u64, found["points"].as_u64().unwrap());
+    assert!(lab.text("points.csv").starts_with("row,x,y,z,distance,closest_x,closest_y,closest_z,u,v\n"));
+    let first: Vec<f64> = scans::mesh().lines().nth(2).unwrap().split(' ').map(|x| x.parse().unwrap()).collect();
+    assert_eq!(rows[0][1..4], first);
+    let mut largest = 0.0_f64;
+    for (k, row) in rows.iter().enumerate() {
+        assert_eq!(row[0], k as f64);
+        let apart = (0..3).map(|d| (row[1 + d] - row[5 + d]).powi(2)).sum::<f64>().sqrt();
+        assert!((apart - row[4]).abs() < 1e-12, "{row:?}");
+        largest = largest.max(row[4]);
+    }
+    assert_eq!(largest, found["dhd"].as_f64().unwrap());
+    lab.fails("compare part.json scan.off --max 0", 2, &["--max", "positive"]);
+    lab.fails("compare part.json scan.off --points scan.off", 2, &["scan.off", "input"]);
+}

@@ -144,6 +144,39 @@ fn a_closed_mesh_becomes_a_solid_by_itself() {
     lab.fails("fit part.off --layout one -o one.step", 1, &["part.off", "closed"]);
 }
 
+/// A file without its name, which is that of the product, too.
+fn without_name(step: &str) -> String {
+    let is_name = |line: &&str| line.starts_with("FILE_NAME") || line.contains("=PRODUCT(");
+    step.lines().filter(|line| !is_name(line)).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn closed_meshes_of_a_batch_become_solids_and_others_sheets() {
+    let lab = lab(6, |p| p.map(|x| 10.0 * x));
+    lab.put("open.off", crate::scans::mesh());
+    lab.put("manifest.csv", "input,name,layout\npart.off,with_layout,layout.json\nopen.off,,\n");
+    let run = lab.thb("fit part.off open.off -o out/ --summary all.jsonl");
+    assert_eq!(run.code, 0, "{run:?}");
+    let files: Vec<String> = lab.files().into_iter().filter(|name| name.starts_with("out/part.")).collect();
+    assert_eq!(files, ["out/part.html", "out/part.report.json", "out/part.step"]);
+    lab.succeeds("fit part.off -o alone.step --report alone.json");
+    assert!(without_name(&lab.text("out/part.step")) == without_name(&lab.text("alone.step")));
+    let (report, alone) = (lab.json("out/part.report.json"), lab.json("alone.json"));
+    assert_eq!((&report["mesh_to_surface"], &report["functions"]), (&alone["mesh_to_surface"], &alone["functions"]));
+    let summary: Vec<Value> = lab.text("all.jsonl").lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(summary[0]["solid"]["faces"], report["layout"]["faces"]);
+    assert_eq!((&summary[0]["dofs"], &summary[0]["verdict"]), (&report["functions"], &json!("good")));
+    assert!(summary[1]["solid"].is_null() && lab.path("out/open.json").is_file());
+    // It is done again from its report, and needs not be with --resume.
+    lab.succeeds("fit --config out/part.report.json -o again.step");
+    assert!(without_name(&lab.text("again.step")) == without_name(&lab.text("alone.step")));
+    lab.succeeds("fit part.off open.off -o out/ --summary all.jsonl --resume");
+    assert_eq!(lab.text("all.jsonl").matches("\"kept\":true").count(), 2);
+    // A layout of its own for one of them.
+    lab.succeeds("fit --manifest manifest.csv -o out/");
+    assert_eq!(count(&lab, "out/with_layout.step", "ADVANCED_FACE"), 6);
+}
+
 #[test]
 fn an_open_mesh_has_no_layout_of_our_own() {
     let lab = lab(5, round);
@@ -205,7 +238,7 @@ fn what_goes_not_together_is_refused() {
     lab.put("cloud.xyz", "0 0 0\n1 0 0\n0 1 0\n1 1 0\n");
     for (arguments, code, text) in [
         ("fit part.off --layout layout.json -o part.obj", 2, ".step"),
-        ("fit part.off part.off --layout layout.json -o part.step", 2, "one input"),
+        ("fit part.off part.off --layout layout.json -o part.step", 2, "directory"),
         ("fit part.off --layout layout.json --mesh 4x3 -o part.step", 2, "--mesh"),
         ("fit part.off --layout layout.json --degree 1 -o part.step", 2, "--degree"),
         ("fit part.off --layout one --smoothness 3 -o part.step", 2, "--layout"),

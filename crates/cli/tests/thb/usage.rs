@@ -105,3 +105,32 @@ fn help_and_version_go_to_standard_output() {
     assert!(lab.thb("fit --help").stdout.contains("--tol"));
     assert!(lab.thb("--help").stdout.contains("Exit codes"));
 }
+
+#[test]
+fn short_help_has_what_most_people_need() {
+    let lab = Lab::new();
+    let options = |help: &str| -> Vec<String> {
+        let of_line = |line: &str| {
+            line.trim_start().starts_with('-').then(|| line.split("--").nth(1)).flatten().map(str::to_owned)
+        };
+        let names = lab.thb(help).stdout.lines().filter_map(of_line).collect::<Vec<_>>();
+        names.iter().map(|name| name.split([' ', '.']).next().unwrap().to_owned()).collect()
+    };
+    let short = options("fit -h");
+    // Ten, and two of every program.
+    assert!(short.len() == 12 && short.contains(&"tol".to_owned()), "{short:?}");
+    let long = options("fit --help");
+    assert!(long.len() > 60 && short.iter().all(|name| long.contains(name)), "{long:?}");
+    assert!(lab.thb("fit -h").stdout.lines().count() < 60);
+}
+
+#[test]
+fn a_tolerance_as_large_as_the_part_is_told() {
+    let lab = Lab::with("scan.off", scans::mesh());
+    let warned = |tol: &str| {
+        let run = lab.thb(&format!("fit scan.off --tol {tol} -o part.json"));
+        assert_eq!(run.code, 0, "{run:?}");
+        run.stderr.contains("of the diagonal of the scan") && run.stderr.contains("--tol 0.5%")
+    };
+    assert_eq!(["5", "6%", "4%", "0.01"].map(warned), [true, true, false, false]);
+}

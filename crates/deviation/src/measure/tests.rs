@@ -100,7 +100,8 @@ fn a_surface_that_bulges_between_the_points_does_not_pass() {
     let round = surface(4, |u, v| [u, v, ((u - 0.5).powi(2) + 0.01).sqrt()]);
     let found = deviation(&round, &Scan::mesh(&points, &triangles).unwrap(), 0.01);
     assert!(found.scan_to_surface.within < 0.9 && found.surface_to_scan.within < 0.9, "{found:?}");
-    let codes: Vec<&str> = Thresholds::default().reasons(&found).iter().map(|reason| reason.code).collect();
+    let reasons = Thresholds::default().reasons(&found);
+    let codes: Vec<&str> = reasons.iter().map(|reason| &*reason.code).collect();
     assert!(codes.contains(&"scan-not-within") && codes.contains(&"surface-not-within"), "{codes:?}");
 }
 

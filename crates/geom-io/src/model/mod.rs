@@ -20,7 +20,7 @@ use thb_core::SplineMap;
 
 pub use error::{ModelError, ModelErrorKind};
 pub use layout::{LayoutFile, LayoutQuad, parse_layout, read_layout};
-pub use step::{SolidFile, StepOptions, StepSurface, write_solid};
+pub use step::{SolidFile, StepOptions, StepSchema, StepSize, StepSurface, write_solid};
 pub use svg::{GRAPH, SvgOptions};
 
 use crate::read::read_bytes;
@@ -191,27 +191,32 @@ pub fn write_model(path: &Path, model: &Model, options: &WriteOptions) -> Result
     write().map_err(|kind| ModelError { path: path.to_owned(), kind })
 }
 
-/// Writes several surfaces, with coordinates in one unit, into one STEP file, whole or not at all: each becomes a shell.
+/// Writes several surfaces, with coordinates in one unit, into one STEP file, whole or not at all: each becomes a shell. Returns how large
+/// the file is.
 ///
 /// # Errors
 /// [`ModelError`] with what the system says, or what the format cannot hold.
-pub fn write_step(path: &Path, surfaces: &[StepSurface<'_>], unit: LengthUnit) -> Result<(), ModelError> {
-    let write = || -> Result<(), ModelErrorKind> {
+pub fn write_step(path: &Path, surfaces: &[StepSurface<'_>], unit: LengthUnit) -> Result<StepSize, ModelError> {
+    let write = || -> Result<StepSize, ModelErrorKind> {
         let options: Vec<StepOptions> = surfaces.iter().map(|surface| named(path, surface.options)).collect();
         let named = surfaces.iter().zip(&options);
         let surfaces: Vec<StepSurface<'_>> =
             named.map(|(&StepSurface { map, .. }, options)| StepSurface { map, options }).collect();
         let file = step::StepFile::of_surfaces(&surfaces, unit)?;
-        Ok(write_atomically(path, |out| file.write(out))?)
+        write_atomically(path, |out| file.write(out))?;
+        Ok(file.size())
     };
     write().map_err(|kind| ModelError { path: path.to_owned(), kind })
 }
 
-/// Options with the name of the file, where they have none.
+/// Options with the name of the file, where they have none, for it and for the part.
 fn named(path: &Path, options: &StepOptions) -> StepOptions {
     let mut options = options.clone();
     if options.file_name.is_empty() {
         options.file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    }
+    if options.product.is_empty() {
+        options.product = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     }
     options
 }

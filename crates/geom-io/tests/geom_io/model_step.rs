@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::model_common::{cap, curve, dome, ring, sheet, spots};
+use geom_io::StepSchema;
 use geom_io::model::step::{StepFile, StepOptions};
 use geom_io::model::{LengthUnit, Model, ModelErrorKind, SolidFile};
 use ndarray::Array2;
@@ -457,6 +458,7 @@ fn header_and_units() {
     let options = StepOptions {
         file_name: "it's.step".to_owned(),
         product: "Flügel".to_owned(),
+        originating_system: "thb 1.2".to_owned(),
         time_stamp: "2025-03-01T12:00:00".to_owned(),
         ..StepOptions::default()
     };
@@ -464,7 +466,12 @@ fn header_and_units() {
     let (millimetre, metre, inch) = (text(LengthUnit::Millimetre), text(LengthUnit::Metre), text(LengthUnit::Inch));
     assert!(millimetre.contains("FILE_NAME('it''s.step','2025-03-01T12:00:00'"));
     assert!(millimetre.contains("PRODUCT('Fl\\X2\\00FC\\X0\\gel'"));
-    assert!(millimetre.contains("FILE_SCHEMA(('AUTOMOTIVE_DESIGN"));
+    assert!(millimetre.contains("FILE_SCHEMA(('AUTOMOTIVE_DESIGN") && millimetre.contains("'automotive_design',2000"));
+    assert!(millimetre.contains(",'thb 1.2','');"));
+    let newer = StepOptions { schema: StepSchema::Ap242, ..StepOptions::default() };
+    let newer = Parsed::new(&StepFile::new(&Model::surface(map.clone(), LengthUnit::Inch), &newer).unwrap()).text;
+    assert!(newer.contains("FILE_SCHEMA(('AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF { 1 0 10303 442 1 1 4 }'))"));
+    assert!(newer.contains("'ap242_managed_model_based_3d_engineering',2014") && newer.contains("PRODUCT('model'"));
     assert!(millimetre.contains("SI_UNIT(.MILLI.,.METRE.)") && !millimetre.contains("CONVERSION_BASED_UNIT"));
     assert!(metre.contains("SI_UNIT($,.METRE.)"));
     assert!(inch.contains("CONVERSION_BASED_UNIT('INCH'") && inch.contains("LENGTH_MEASURE(25.4)"));

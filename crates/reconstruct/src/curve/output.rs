@@ -6,8 +6,10 @@ use geom_io::{ModelFormat, SvgOptions, WriteOptions, write_model};
 
 use super::fitting::CurveFit;
 use crate::Error;
-use crate::batch::check_overwriting;
+use crate::options::Schema;
 use crate::output::{OutputPaths, check_no_page, make_parent};
+use crate::overwriting::check_overwriting;
+use crate::step_header::step_options;
 
 /// Checks, before anything is fitted, that outputs have formats of curves, and differ from the input and from each other.
 ///
@@ -30,5 +32,6 @@ pub fn check_curve_outputs(input: &Path, outputs: &[PathBuf], report: Option<&Pa
 pub fn write_curve(path: &Path, fit: &CurveFit) -> Result<(), Error> {
     make_parent(path)?;
     let svg = SvgOptions { points: Some(fit.points.clone()), knots: true };
-    Ok(write_model(path, &fit.model, &WriteOptions { svg, ..WriteOptions::default() })?)
+    let step = step_options("", Schema::Ap214);
+    Ok(write_model(path, &fit.model, &WriteOptions { svg, step, ..WriteOptions::default() })?)
 }

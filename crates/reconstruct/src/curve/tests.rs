@@ -1,5 +1,7 @@
 //! Curves whose truth is known.
 
+use std::borrow::Cow;
+
 use ndarray::{Array2, array};
 use proptest::prelude::*;
 
@@ -541,7 +543,11 @@ fn planted_faults_are_told_with_their_size_and_place() {
         .unwrap()
     };
     let codes = |judgement: &super::verdict::Judgement| -> Vec<&'static str> {
-        judgement.reasons.iter().map(|reason| reason.code).collect()
+        let code = |reason: &deviation::Reason| match &reason.code {
+            Cow::Borrowed(code) => *code,
+            Cow::Owned(code) => panic!("{code} is none of ours"),
+        };
+        judgement.reasons.iter().map(code).collect()
     };
     let straight = judged(&made(&|u| [10.0 * u, 0.0]));
     assert!(straight.verdict() == Verdict::Good, "{:?}", straight.reasons);

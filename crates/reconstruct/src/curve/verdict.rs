@@ -120,7 +120,7 @@ pub(super) fn judge(subject: &Subject<'_>) -> Result<Judgement, Error> {
     let box_ratio = walk.box_ratio(&found.samples);
     if box_ratio > limits.box_ratio {
         reasons.push(Reason {
-            code: "box",
+            code: "box".into(),
             verdict: Verdict::Failed,
             text: format!(
                 "the box around the curve has {box_ratio:.3} times the diagonal that the points explain (at most {}); raise \
@@ -137,7 +137,7 @@ pub(super) fn judge(subject: &Subject<'_>) -> Result<Judgement, Error> {
     if let Some(&(place, at)) = crossings.iter().flatten().next() {
         let rows = at.map(|at| walk.row(at));
         reasons.push(Reason {
-            code: "crossing",
+            code: "crossing".into(),
             verdict: Verdict::Failed,
             text: format!(
                 "the curve crosses itself where the points don't, {} at {}, near rows {} and {}; lower --tol or raise \
@@ -244,7 +244,7 @@ impl<'a> Walk<'a> {
         if share < within {
             let failed = share < within - limits.share_slack;
             reasons.push(Reason {
-                code: "share",
+                code: "share".into(),
                 verdict: if failed { Verdict::Failed } else { Verdict::Usable },
                 text: format!(
                     "{:.2} % of the points, weighed by their spacing, are within {tolerance:.4e}, not {:.2} %; the farthest, row \
@@ -294,7 +294,7 @@ impl<'a> Walk<'a> {
         let worst = (first..=last).max_by(|&a, &b| distances[a].total_cmp(&distances[b])).unwrap_or(first);
         let place = self.frame.natural(self.places[worst]);
         reasons.push(Reason {
-            code: "missed",
+            code: "missed".into(),
             verdict: Verdict::Usable,
             text: format!(
                 "{} points in a row, rows {} to {}, are beyond the tolerance: {:.2} % of the length, up to {:.4e} at {}",
@@ -416,7 +416,7 @@ impl<'a> Walk<'a> {
             [a, b] => format!("between rows {} and {}", self.row(a), self.row(b)),
         };
         Reason {
-            code: "swing",
+            code: "swing".into(),
             verdict: Verdict::Failed,
             text: format!(
                 "the curve swings out {where_to}: at {} it is {:.4e} off the line of the points, {:.4e} more than their turning \

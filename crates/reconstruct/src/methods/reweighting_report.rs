@@ -1,9 +1,9 @@
 //! What came of weights that follow the errors.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What came of weights that follow the errors. Rows are those of the file, from 0; of long lists the first thousand.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct ReweightingReport {
     /// Systems that were solved, over all iterations.
     pub rounds: usize,

@@ -10,7 +10,7 @@ use thb_core::Quadrature;
 use super::typed::{ParseOptionError, named, parse_error, range, serialize_as_typed};
 use crate::Error;
 
-serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy, Samples);
+serialize_as_typed!(LambdaChoice, Tolerance, Mark, Method, BoundaryChoice, BlendChoice, Energy, Samples, Schema);
 
 named!(
     /// The fitting method.
@@ -110,6 +110,14 @@ named!(
     /// Its vertices, all alike, at their parameters.
     Vertices = "vertices"
 );
+named!(
+    /// The application protocol of STEP files.
+    Schema, "ap214 or ap242",
+    /// AP214, which every CAD system reads.
+    Ap214 = "ap214",
+    /// AP242, which has taken its place.
+    Ap242 = "ap242"
+);
 impl Energy {
     pub(crate) fn quadrature(self) -> Quadrature {
         match self {
@@ -139,11 +147,16 @@ impl Tolerance {
     /// # Errors
     /// [`Error::OptionRange`].
     pub(crate) fn check(self) -> Result<(), Error> {
+        self.check_as("--tol")
+    }
+
+    /// The same for an option of another name.
+    pub(crate) fn check_as(self, option: &'static str) -> Result<(), Error> {
         let (Self::Absolute(number) | Self::Percent(number)) = self else { return Ok(()) };
         if number.is_finite() && number > 0.0 {
             return Ok(());
         }
-        Err(Error::OptionRange { option: "--tol", given: self.to_string(), allowed: "a positive number" })
+        Err(Error::OptionRange { option, given: self.to_string(), allowed: "a positive number" })
     }
 
     /// In the units of the input, for a given diagonal.

@@ -7,7 +7,7 @@ use geom_io::LengthUnit;
 use serde::Serialize;
 use thb_core::{MAX_DEGREE, MAX_LEVELS};
 
-use super::choices::{BlendChoice, BoundaryChoice, Energy, LambdaChoice, Mark, Method, Samples, Tolerance};
+use super::choices::{BlendChoice, BoundaryChoice, Energy, LambdaChoice, Mark, Method, Samples, Schema, Tolerance};
 use super::parameters::{Closed, ParameterOptions, ToldSpline};
 use super::policy::Policy;
 use super::quasi::QuasiOptions;
@@ -57,6 +57,8 @@ pub struct FitOptions {
     pub max_dofs: Option<usize>,
     /// Control points up to which STEP files hold one tensor-product face instead of several.
     pub max_step_control_points: usize,
+    /// Application protocol of STEP files.
+    pub schema: Schema,
     /// Whether STEP files have the holes of the data cut out of their faces.
     pub trim_holes: bool,
     /// Which cells are refined.
@@ -103,6 +105,7 @@ impl Default for FitOptions {
             levels: 7,
             max_dofs: None,
             max_step_control_points: 20_000,
+            schema: Schema::Ap214,
             trim_holes: false,
             mark: Mark(Marking::Worst),
             extension: None,

@@ -8,7 +8,7 @@ mod quasi;
 mod reweighting;
 pub(crate) mod typed;
 
-pub use choices::{BlendChoice, BoundaryChoice, Energy, LambdaChoice, Mark, Method, Samples, Tolerance};
+pub use choices::{BlendChoice, BoundaryChoice, Energy, LambdaChoice, Mark, Method, Samples, Schema, Tolerance};
 pub use fit::FitOptions;
 pub use parameters::{
     Clean, Closed, Crop, Domain, GivenCorners, Networks, ParameterChoice, ParameterOptions, RadiusChoice, Refine,

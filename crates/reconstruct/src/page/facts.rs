@@ -137,7 +137,7 @@ pub(super) fn of_report(report: &Report) -> Vec<Fact> {
 
 pub(super) fn of_solid(fit: &SolidFit) -> Vec<Fact> {
     let report = &fit.report;
-    let mut facts = vec![Fact::new("program", crate::report::PROGRAM), Fact::new("input", report.input.display())];
+    let mut facts = vec![Fact::new("program", crate::program::PROGRAM), Fact::new("input", report.input.display())];
     facts.extend(crate::scanned::fingerprint(&report.input).map(|hash| Fact::new("SHA-256", hash)));
     facts.extend([
         Fact::new("triangles", report.triangles),

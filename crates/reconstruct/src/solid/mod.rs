@@ -15,10 +15,12 @@ use multi_patch::Surface;
 use point_cloud::vec3::box_of;
 use quad_layout::{QuadLayout, RawPatch};
 
+use crate::paths::is_directory;
 use crate::{Error, Event, Watch, units};
 use mesh::SolidMesh;
 pub use options::{LayoutChoice, Sharp, Smoothness, SolidOptions};
 use part::{Attempt, ELEMENTS, Part};
+pub(crate) use report::TURNED_OVER;
 pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, SolidVolume};
 
 /// A surface of many faces that was fitted to a whole part.
@@ -70,15 +72,25 @@ pub fn fit_solid_file(path: &Path, options: &SolidOptions, watch: &mut Watch<'_>
     Ok(SolidFit { surface, samples, distances, report, unit, reversed })
 }
 
-/// Whether a fit is that of a whole part without being told so: of one file with a closed mesh, of which STEP files are made. Whoever
-/// reads a file next tells why it cannot be read. What can be read only once, as standard input and pipes, is left alone.
-pub fn makes_solid(inputs: &[PathBuf], outputs: &[PathBuf], read: &geom_io::ReadOptions) -> bool {
+/// Whether a fit is that of a whole part without being told so: of a file with a closed mesh, of which STEP files are made, or what goes
+/// to a directory. Whoever reads a file next tells why it cannot be read. What can be read only once, as standard input and pipes, is left
+/// alone.
+pub fn makes_solid(input: &Path, outputs: &[PathBuf], read: &geom_io::ReadOptions) -> bool {
     let is_step = |path: &PathBuf| geom_io::ModelFormat::from_path(path) == Some(geom_io::ModelFormat::Step);
-    let [input] = inputs else { return false };
-    if outputs.is_empty() || !outputs.iter().all(is_step) || !input.is_file() {
+    if outputs.is_empty() || !outputs.iter().all(|path| is_step(path) || is_directory(path)) || !input.is_file() {
+        return false;
+    }
+    if !may_hold_mesh(input, read) {
         return false;
     }
     read_scan(input, read).is_ok_and(mesh::is_closed_mesh)
+}
+
+/// Whether a file has a format of meshes, or one that only a look into it tells.
+fn may_hold_mesh(input: &Path, read: &geom_io::ReadOptions) -> bool {
+    use geom_io::Format::{Glb, Obj, Off, Ply, Stl, ThreeMf};
+    let format = read.format.map_or_else(|| geom_io::Format::from_path(input), Ok);
+    format.map_or(true, |format| matches!(format, Ply | Obj | Off | Stl | Glb | ThreeMf))
 }
 
 /// Share of the diagonal by which the box of a layout may differ from that of the mesh: vertices were slid along the surface.

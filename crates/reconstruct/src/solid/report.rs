@@ -17,7 +17,7 @@ use super::mesh::SolidMesh;
 /// Angle in degrees between neighbouring faces along a smooth arc from which on one of them has turned over there.
 ///
 /// Derived: half of 180°; where faces meet smoothly the angle is far below 10°.
-const TURNED_OVER: f64 = 90.0;
+pub(crate) const TURNED_OVER: f64 = 90.0;
 
 /// Places in a cell and direction at which the surface is measured against the mesh.
 const PLACES: usize = 4;

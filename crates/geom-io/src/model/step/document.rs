@@ -2,12 +2,30 @@
 
 use std::io;
 
-use super::StepOptions;
 use super::part21::{Id, Part21, list, real, string};
+use super::{StepOptions, StepSchema};
 use crate::model::LengthUnit;
 
-/// The automotive design schema, AP214.
-const SCHEMA: &str = "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }";
+impl StepSchema {
+    /// Its name in the header, with its object identifier.
+    fn identifier(self) -> &'static str {
+        match self {
+            Self::Ap214 => "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }",
+            Self::Ap242 => "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF { 1 0 10303 442 1 1 4 }",
+        }
+    }
+
+    /// What it is for, its name and its year.
+    fn application(self) -> (&'static str, &'static str, u16) {
+        match self {
+            Self::Ap214 => ("core data for automotive mechanical design processes", "automotive_design", 2000),
+            Self::Ap242 => ("managed model based 3d engineering", "ap242_managed_model_based_3d_engineering", 2014),
+        }
+    }
+}
+
+/// The name of a part of which none is known.
+const NAMELESS: &str = "model";
 
 pub(super) fn begin(file: &mut Part21<'_>, options: &StepOptions) -> io::Result<()> {
     let software = concat!("geom-io ", env!("CARGO_PKG_VERSION"));
@@ -20,9 +38,9 @@ pub(super) fn begin(file: &mut Part21<'_>, options: &StepOptions) -> io::Result<
         string(&options.author),
         string(&options.organization),
         string(software),
-        string(software),
+        string(if options.originating_system.is_empty() { software } else { &options.originating_system }),
     ))?;
-    file.line(&format!("FILE_SCHEMA(({}));\nENDSEC;\nDATA;", string(SCHEMA)))
+    file.line(&format!("FILE_SCHEMA(({}));\nENDSEC;\nDATA;", string(options.schema.identifier())))
 }
 
 pub(super) fn end(file: &mut Part21<'_>) -> io::Result<()> {
@@ -30,12 +48,12 @@ pub(super) fn end(file: &mut Part21<'_>) -> io::Result<()> {
 }
 
 /// The part, up to the definition of its shape.
-pub(super) fn product(file: &mut Part21<'_>, name: &str) -> io::Result<Id> {
-    let name = string(name);
-    let application =
-        file.entity(format_args!("APPLICATION_CONTEXT('core data for automotive mechanical design processes')"))?;
+pub(super) fn product(file: &mut Part21<'_>, options: &StepOptions) -> io::Result<Id> {
+    let name = string(if options.product.is_empty() { NAMELESS } else { &options.product });
+    let (purpose, schema, year) = options.schema.application();
+    let application = file.entity(format_args!("APPLICATION_CONTEXT('{purpose}')"))?;
     file.entity(format_args!(
-        "APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000,{application})"
+        "APPLICATION_PROTOCOL_DEFINITION('international standard','{schema}',{year},{application})"
     ))?;
     let context = file.entity(format_args!("PRODUCT_CONTEXT('',{application},'mechanical')"))?;
     let product = file.entity(format_args!("PRODUCT({name},{name},'',({context}))"))?;

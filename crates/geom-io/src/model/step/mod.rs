@@ -1,4 +1,4 @@
-//! STEP, ISO 10303-214 (AP214), which every CAD system opens.
+//! STEP, ISO 10303: AP214, which every CAD system opens, or AP242 ([`StepSchema`]).
 //!
 //! STEP knows no hierarchical splines. A surface becomes
 //! - one `B_SPLINE_SURFACE_WITH_KNOTS` on one face, if the smallest tensor-product space that holds it has at most
@@ -31,6 +31,7 @@ mod trim;
 use std::io::{self, Write};
 
 use ndarray::{Array2, ArrayView2};
+use serde::{Deserialize, Serialize};
 use thb_core::{CellSpace, HierarchicalSpace, SplineMap, TensorSpace};
 
 use super::{Geometry, LengthUnit, Model, ModelErrorKind};
@@ -58,8 +59,12 @@ pub struct StepOptions {
     pub flip: bool,
     /// Name of the file, for its header.
     pub file_name: String,
-    /// Name of the part.
+    /// Name of the part; empty for that of the file, without its extension.
     pub product: String,
+    /// The program that made the model, with its version, for the header; empty for this crate.
+    pub originating_system: String,
+    /// The schema.
+    pub schema: StepSchema,
     /// Author, for the header.
     pub author: String,
     /// Organization, for the header.
@@ -76,12 +81,33 @@ impl Default for StepOptions {
             holes: Vec::new(),
             flip: false,
             file_name: String::new(),
-            product: "model".to_owned(),
+            product: String::new(),
+            originating_system: String::new(),
+            schema: StepSchema::default(),
             author: String::new(),
             organization: String::new(),
             time_stamp: "1970-01-01T00:00:00".to_owned(),
         }
     }
+}
+
+/// The application protocol of a STEP file. The entities of a model are the same in both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StepSchema {
+    /// ISO 10303-214, automotive design: read by every CAD system.
+    #[default]
+    Ap214,
+    /// ISO 10303-242, managed model-based 3D engineering, which has taken its place.
+    Ap242,
+}
+
+/// How large a STEP file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+pub struct StepSize {
+    /// Faces.
+    pub faces: usize,
+    /// Control points of their surfaces, which CAD calls poles. A hierarchical surface has fewer: each face is a tensor product.
+    pub poles: usize,
 }
 
 /// A surface for a STEP file of several.
@@ -161,6 +187,11 @@ impl StepFile {
         self.shapes.iter().map(of_shape).sum()
     }
 
+    /// How large it is.
+    pub fn size(&self) -> StepSize {
+        StepSize { faces: self.n_faces(), poles: self.n_control_points() }
+    }
+
     /// Writes the file.
     ///
     /// # Errors
@@ -168,7 +199,7 @@ impl StepFile {
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         let file = &mut Part21::new(out);
         document::begin(file, &self.options)?;
-        let definition = document::product(file, &self.options.product)?;
+        let definition = document::product(file, &self.options)?;
         let context = document::context(file, self.unit, self.uncertainty)?;
         let (mut kind, mut items) = ("MANIFOLD_SURFACE", Vec::with_capacity(self.shapes.len() + 1));
         for shape in &self.shapes {

@@ -12,7 +12,7 @@ use ndarray::ArrayView2;
 use thb_core::{CellSpace, MultiPatchSpace, SplineMap, TensorSpace};
 
 use super::shell::{Edge, Face, in_space};
-use super::{StepOptions, UNCERTAINTY_SHARE, diagonal, document, write_edge, write_face, write_vertex};
+use super::{StepOptions, StepSize, UNCERTAINTY_SHARE, diagonal, document, write_edge, write_face, write_vertex};
 use crate::model::step::part21::{Part21, list};
 use crate::model::{LengthUnit, ModelError, ModelErrorKind, named};
 use crate::write::write_atomically;
@@ -77,6 +77,11 @@ impl SolidFile {
         self.faces.iter().map(|face| face.surface.space().n_functions()).sum()
     }
 
+    /// How large it is.
+    pub fn size(&self) -> StepSize {
+        StepSize { faces: self.faces.len(), poles: self.n_control_points() }
+    }
+
     /// Writes the file.
     ///
     /// # Errors
@@ -84,7 +89,7 @@ impl SolidFile {
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         let file = &mut Part21::new(out);
         document::begin(file, &self.options)?;
-        let definition = document::product(file, &self.options.product)?;
+        let definition = document::product(file, &self.options)?;
         let context = document::context(file, self.unit, self.uncertainty)?;
         let mut vertices = Vec::with_capacity(self.vertices.len());
         for vertex in &self.vertices {
@@ -133,7 +138,7 @@ fn edge(space: &MultiPatchSpace, coefficients: ArrayView2<'_, f64>, arc: usize) 
     })
 }
 
-/// Writes a surface of several patches into a STEP file, whole or not at all: a closed one is a solid.
+/// Writes a surface of several patches into a STEP file, whole or not at all: a closed one is a solid. Returns how large it is.
 ///
 /// # Errors
 /// [`ModelError`] with what the system says, or what the format cannot hold.
@@ -142,10 +147,11 @@ pub fn write_solid(
     map: &SplineMap<2, MultiPatchSpace>,
     unit: LengthUnit,
     options: &StepOptions,
-) -> Result<(), ModelError> {
-    let write = || -> Result<(), ModelErrorKind> {
+) -> Result<StepSize, ModelError> {
+    let write = || -> Result<StepSize, ModelErrorKind> {
         let file = SolidFile::new(map, unit, &named(path, options))?;
-        Ok(write_atomically(path, |out| file.write(out))?)
+        write_atomically(path, |out| file.write(out))?;
+        Ok(file.size())
     };
     write().map_err(|kind| ModelError { path: path.to_owned(), kind })
 }
