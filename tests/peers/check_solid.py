@@ -172,6 +172,19 @@ class Mesh:
         same = np.flatnonzero(np.all(ends[1:] == ends[:-1], axis=1))
         return ends[same], np.stack([facets[same], facets[same + 1]], axis=1)
 
+    def sagittas(self, degrees):
+        """How far a smooth surface would bulge over each facet, from the angles below `degrees` to its neighbours."""
+        ends, facets = self.edges()
+        a, b = self.normals[facets[:, 0]], self.normals[facets[:, 1]]
+        angles = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+        lengths = np.linalg.norm(self.vertices[ends[:, 0]] - self.vertices[ends[:, 1]], axis=1)
+        widths = 2.0 * self.areas[facets].min(axis=1) / np.maximum(lengths, 1e-300)
+        bulges = np.where(angles < np.radians(degrees), widths * angles / 8.0, 0.0)
+        result = np.zeros(len(self.triangles))
+        for side in range(2):
+            np.maximum.at(result, facets[:, side], bulges)
+        return result
+
     def euler(self):
         ends = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         return len(np.unique(self.triangles)) - len(np.unique(ends, axis=0)) + len(self.triangles)
@@ -241,19 +254,21 @@ def sample_faces(faces):
     return np.array(points), np.array(normals), np.array(areas), np.array(of_face), poles
 
 
-def count_folds(mesh, points, normals, of_face):
-    """Places whose normal turns by more than 90 degrees from all facets that are about as near as the nearest one."""
+def count_folds(mesh, points, normals, of_face, crease):
+    """Places whose normal turns by more than 90 degrees from all facets that are about as near as the nearest one. A facet that stands
+    for something round is as near as a surface that bulges over it."""
     distances, nearest, _ = mesh.nearest(points)
+    sagittas = mesh.sagittas(crease)
     folded = []
     for k in np.flatnonzero(np.einsum("ij,ij->i", normals, mesh.normals[nearest]) <= 0):
-        reach = distances[k] + AS_NEAR * mesh.diagonal
-        boxes = np.stack([mesh.corners.min(axis=1) - reach, mesh.corners.max(axis=1) + reach])
+        reach = distances[k] + AS_NEAR * mesh.diagonal + sagittas
+        boxes = np.stack([mesh.corners.min(axis=1) - reach[:, None], mesh.corners.max(axis=1) + reach[:, None]])
         near = np.flatnonzero(np.all((points[k] >= boxes[0]) & (points[k] <= boxes[1]), axis=1))
         near = [
             facet
             for facet in near
             if igl.point_mesh_squared_distance(points[k : k + 1], mesh.vertices, mesh.triangles[facet : facet + 1])[0]
-            <= reach**2
+            <= reach[facet] ** 2
         ]
         if np.all(mesh.normals[near] @ normals[k] <= 0):
             folded.append(of_face[k])
@@ -327,7 +342,7 @@ def measure(path, mesh, crease):
 
     faces = faces_of(shape)
     points, normals, areas, of_face, result["poles"] = sample_faces(faces)
-    result["folds"], result["folded_faces"], away = count_folds(mesh, points, normals, of_face)
+    result["folds"], result["folded_faces"], away = count_folds(mesh, points, normals, of_face, crease)
     result["surface_to_mesh_%"] = by_area(100 * away / mesh.diagonal, areas)
 
     fine = triangulate(shape, 2e-5 * mesh.diagonal)

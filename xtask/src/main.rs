@@ -524,6 +524,16 @@ fn compare_pages(root: &Path, data: Option<&Path>, say: &mut dyn FnMut(&str)) ->
     Ok(())
 }
 
+/// The page of networks trained as published, its picture written, after the logs of `runs` were added to it.
+fn published(runs: Option<&Path>, root: &Path, say: &mut dyn FnMut(&str)) -> Result<String> {
+    if let Some(runs) = runs {
+        say(&format!("{} runs", tables::published::collect(root, runs)?));
+    }
+    let picture = [("published.svg", tables::published::curves(root)?)];
+    tables::moving::write_figures(&picture, &root.join(FIGURES))?;
+    tables::published::document(root)
+}
+
 /// Makes the page of one of the tables and writes it.
 fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result<()> {
     let (page, out, missing, text) = match tables {
@@ -590,14 +600,7 @@ fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result
             };
             ("printed", out, None, tables::moving::printed_settings(&data, say)?)
         }
-        Tables::Published { runs, out } => {
-            if let Some(runs) = runs {
-                say(&format!("{} runs", tables::published::collect(root, &runs)?));
-            }
-            let picture = [("published.svg", tables::published::curves(root)?)];
-            tables::moving::write_figures(&picture, &root.join(FIGURES))?;
-            ("published", out, None, tables::published::document(root)?)
-        }
+        Tables::Published { runs, out } => ("published", out, None, published(runs.as_deref(), root, say)?),
         Tables::Classical { data, out } => {
             let missing = data.is_none().then_some("Tables 4.7 and 4.8 need --data DIR and were left out");
             ("classical", out, missing, tables::classical::document(data.as_deref())?)

@@ -41,8 +41,8 @@ impl Limits {
         let given = pairs.into_iter().filter_map(|(name, limit, found)| {
             Some(Exceeded { name, found, limit: limit?.resolve(comparison.diagonal) })
         });
-        // What is no number is no less than a limit.
-        given.filter(|exceeded| !(exceeded.found <= exceeded.limit)).collect()
+        // What is no number is not below a limit.
+        given.filter(|exceeded| exceeded.found.is_nan() || exceeded.found > exceeded.limit).collect()
     }
 }
 

@@ -319,31 +319,48 @@ pub(super) fn cost(angles: [f64; 4], lengths: [f64; 4]) -> f64 {
 mod tests {
     use super::*;
 
-    /// An even polygon of radius 1.
-    fn even(n: usize) -> Polygon {
+    /// An even polygon of radius 1, with these angles in space: lines fan out evenly at each vertex, as angles over equal arcs do.
+    fn even(angles: &[f64]) -> Polygon {
+        let n = angles.len();
         let uv: Vec<[f64; 2]> =
             (0..n).map(|i| (TAU * i as f64 / n as f64).sin_cos()).map(|(sin, cos)| [cos, sin]).collect();
-        let points = uv.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
-        let side = 2.0 * (PI / n as f64).sin();
-        Polygon { uv, points, angles: vec![PI - TAU / n as f64; n], lengths: vec![side; n] }
+        let points: Vec<[f64; 3]> = uv.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
+        let step = |i: usize, j: usize| (n + j - i) % n;
+        let pairs = || (0..n * n).map(|k| (k / n, k % n));
+        let turn = |(i, j)| angles[i] * (step(i, j).max(1) - 1) as f64 / (n - 2) as f64;
+        let length = |(i, j): (usize, usize)| norm(sub(points[i], points[j]));
+        Polygon { turns: pairs().map(turn).collect(), lengths: pairs().map(length).collect(), uv, points }
+    }
+
+    fn regular(n: usize) -> Polygon {
+        even(&vec![PI - TAU / n as f64; n])
     }
 
     #[test]
     fn even_polygons_are_cut_into_the_fewest_patches_with_good_corners() {
-        assert_eq!(even(4).best().1, Cut::default());
-        let (cost, cut) = even(6).best();
+        assert_eq!(regular(4).best().1, Cut { quads: vec![[0, 1, 2, 3]], ..Cut::default() });
+        let (cost, cut) = regular(6).best();
         assert!(cut.lines.len() == 1 && cut.stars.is_empty(), "{cut:?}");
         assert!(cost < BROKEN);
-        assert_eq!(even(5).best().0, f64::INFINITY);
+        assert_eq!(regular(5).best().0, NO_CUT);
+    }
+
+    /// Without the middles of the sides of a hexagon's halves, its angles are those of the hexagon.
+    #[test]
+    fn vertices_that_are_left_out_leave_sides_along_the_rim() {
+        let all = even(&[2.0, PI, 2.0, PI, 2.0, PI, 2.0, PI]);
+        let (cost, cut) = all.best_of(&[0, 2, 4, 6]);
+        assert_eq!(cut, Cut { quads: vec![[0, 2, 4, 6]], ..Cut::default() });
+        assert!((cost - PATCH - 4.0 * (2.0 - 0.5 * PI).powi(2)).abs() < 1e-12, "{cost}");
+        assert!(cost >= cost_at_least(&[2.0; 4]) - 1e-12);
     }
 
     /// A triangle with the middles of its sides: only a vertex in its middle gives three patches.
     #[test]
     fn a_triangle_with_halved_sides_gets_a_vertex_in_the_middle() {
-        let mut polygon = even(6);
-        polygon.angles = vec![PI / 3.0, PI, PI / 3.0, PI, PI / 3.0, PI];
+        let polygon = even(&[PI / 3.0, PI, PI / 3.0, PI, PI / 3.0, PI]);
         let (cost, cut) = polygon.best();
-        assert_eq!(cut, Cut { lines: Vec::new(), stars: vec![vec![1, 2, 3, 4, 5, 0]] });
+        assert_eq!(cut, Cut { stars: vec![vec![1, 2, 3, 4, 5, 0]], ..Cut::default() });
         assert!(cost < BROKEN, "{cost}");
     }
 }

@@ -37,6 +37,7 @@ pub struct PartResult {
 /// What became of a part.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(tag = "status", rename_all = "kebab-case")]
+#[expect(clippy::large_enum_variant, reason = "there is one for each part, and most are of the large kind")]
 pub enum PartOutcome {
     /// Fitted and written; `stop` says whether the tolerance was reached.
     Fitted {

@@ -33,5 +33,5 @@ pub fn write_curve(path: &Path, fit: &CurveFit) -> Result<(), Error> {
     make_parent(path)?;
     let svg = SvgOptions { points: Some(fit.points.clone()), knots: true };
     let step = step_options("", Schema::Ap214);
-    Ok(write_model(path, &fit.model, &WriteOptions { svg, step, ..WriteOptions::default() })?)
+    Ok(write_model(path, &fit.model, &WriteOptions { svg, step })?)
 }

@@ -14,6 +14,8 @@ pub(super) struct SolidMesh {
     pub(super) tree: TriangleTree,
     pub(super) area: f64,
     pub(super) diagonal: f64,
+    /// The largest sagitta of a triangle, in its middle.
+    sagitta: f64,
     /// Lower and upper corner of its box.
     pub(super) bounds: [[f64; 3]; 2],
 }
@@ -50,7 +52,8 @@ impl SolidMesh {
         if !(area > 0.0 && diagonal.is_finite()) {
             return Err(Error::NoTriangles);
         }
-        Ok(Self { tree: TriangleTree::new(&corners), curved, area, diagonal, bounds })
+        let sagitta = (0..corners.len()).map(|t| curved.sagitta(t, MIDDLE).abs()).fold(0.0, f64::max);
+        Ok(Self { tree: TriangleTree::new(&corners), curved, area, diagonal, sagitta, bounds })
     }
 
     /// The distance of a point from what the mesh stands for: none between a facet and the curved triangle over it.
@@ -76,20 +79,33 @@ impl SolidMesh {
     }
 
     /// The normal of the facet nearest to a point; of facets about as near the one that agrees best with `like`, since at creases
-    /// facets of both sides are.
+    /// facets of both sides are. A facet is as near as the curved triangle over it: where it stands for something round, the surface
+    /// runs beside it by its sagitta.
     pub(super) fn outward(&self, point: [f64; 3], like: [f64; 3]) -> [f64; 3] {
         let nearest = self.tree.nearest(point);
         let radius = nearest.squared_distance.sqrt() + AS_NEAR * self.diagonal;
         let mut best = self.curved.facet_normal(nearest.triangle as usize);
-        self.tree.for_each_within(point, radius, |triangle| {
+        let mut consider = |triangle: u32| {
             let normal = self.curved.facet_normal(triangle as usize);
             if dot(normal, like) > dot(best, like) {
                 best = normal;
+            }
+        };
+        self.tree.for_each_within(point, radius, &mut consider);
+        self.tree.for_each_within(point, radius + self.sagitta, |triangle| {
+            let t = triangle as usize;
+            let height = dot(sub(point, self.curved.corners(t)[0]), self.curved.facet_normal(t)).abs();
+            let sagitta = self.curved.sagitta(t, MIDDLE).abs();
+            if sagitta > 0.0 && height <= radius + sagitta {
+                consider(triangle);
             }
         });
         best
     }
 }
+
+/// The middle of a triangle.
+const MIDDLE: [f64; 3] = [1.0 / 3.0; 3];
 
 /// Facets that are by up to this share of the diagonal farther away than the nearest are about as near.
 ///
