@@ -12,12 +12,15 @@ mod random;
 pub mod repair;
 pub mod targets;
 
+#[expect(dead_code, reason = "what is fuzzed only parses")]
 #[path = "../../crates/cli/src/args.rs"]
 mod args;
+#[expect(dead_code, reason = "what is fuzzed only parses")]
 #[path = "../../crates/cli/src/fit_args.rs"]
 mod fit_args;
 #[path = "../../crates/cli/src/scan_args.rs"]
 mod scan_args;
+#[expect(dead_code, reason = "what is fuzzed only parses")]
 #[path = "../../crates/cli/src/solid_args.rs"]
 mod solid_args;
 

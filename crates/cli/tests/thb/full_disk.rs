@@ -18,8 +18,10 @@ fn fit_with_room(lab: &Lab, blocks: u64) -> (i32, String) {
     let script = format!(
         "trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" fit a.off{outputs} --report r.json --summary s.jsonl --levels 1 --within 0 --quiet"
     );
-    let run =
-        Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_thb")]).current_dir(lab.path("")).output().unwrap();
+    let mut shell = Command::new("sh");
+    // STEP files have the time at which they were written.
+    shell.args(["-c", &script, env!("CARGO_BIN_EXE_thb")]).env("SOURCE_DATE_EPOCH", "0").current_dir(lab.path(""));
+    let run = shell.output().unwrap();
     (run.status.code().expect("thb was killed"), String::from_utf8(run.stderr).unwrap())
 }
 

@@ -32,8 +32,6 @@ const NO_DISK: f64 = 1e6;
 #[derive(Debug)]
 pub(super) struct Choice {
     pub(super) cuts: Vec<Cut>,
-    /// What each cut costs.
-    pub(super) costs: Vec<f64>,
 }
 
 struct Search<'a> {
@@ -79,8 +77,8 @@ pub(super) fn choose(work: &Patchwork) -> Choice {
         }
     }
     let halved = best.1;
-    let (costs, cuts) = (0..work.polygons.len()).map(|region| search.pattern(region, &halved)).unzip();
-    Choice { cuts, costs }
+    let cuts = (0..work.polygons.len()).map(|region| search.pattern(region, &halved).1).collect();
+    Choice { cuts }
 }
 
 impl Search<'_> {

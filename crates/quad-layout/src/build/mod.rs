@@ -49,10 +49,10 @@ impl Default for BuildOptions {
     }
 }
 
-/// Attempts, each with the regions parted that have no good cut in the last.
+/// Rounds in which regions that cannot be cut are parted.
 ///
-/// Limit: each takes as long as the first, and a third and fourth made no layout of nine better.
-const ROUNDS: usize = 2;
+/// Limit: each takes as long as the first.
+const ROUNDS: usize = 4;
 
 /// Rounds in which patches are cut anew, and their borders drawn straight.
 const RECUTS: usize = 3;
@@ -96,45 +96,29 @@ pub fn creases(
     Ok(features::creases(&mesh, rule))
 }
 
-/// The patches of a plan. Regions without a good cut are parted; of several attempts the one that breaks rules in the fewest patches.
+/// The patches of a plan. Regions that cannot be cut are parted.
 fn cut(mut plan: Plan, longest: f64) -> Result<Patchwork, LayoutError> {
-    let mut best: Option<(usize, Patchwork)> = None;
-    let mut failure = LayoutError::NoMesh;
+    let mut left = Vec::new();
     for _ in 0..ROUNDS {
-        let mut work = match plan.patchwork() {
-            Ok(work) => work,
-            Err(error) => {
-                failure = error;
-                break;
-            }
-        };
+        let mut work = plan.patchwork()?;
         work.straighten();
         let choice = choose::choose(&work);
-        let has_no_good_cut = |region: &u32| choice.costs[*region as usize] >= patterns::BROKEN;
-        let mut parted: Vec<u32> = (0..choice.costs.len() as u32).filter(has_no_good_cut).collect();
         match patches::patches(&mut work, &choice) {
             Ok(patches) => {
                 let work = improved(work, patches, longest);
-                let broken = work.broken();
-                tracing::info!(regions = choice.cuts.len(), patches = work.polygons.len(), broken, "layout");
-                if best.as_ref().is_none_or(|(least, _)| broken < *least) {
-                    best = Some((broken, work));
-                }
-                if broken == 0 {
-                    break;
-                }
+                tracing::info!(
+                    regions = choice.cuts.len(),
+                    patches = work.polygons.len(),
+                    broken = work.broken(),
+                    "layout"
+                );
+                return Ok(work);
             }
-            Err(failed) => {
-                failure = LayoutError::NotCut { regions: failed.len(), reason: "their parts are no disks" };
-                parted = failed;
-            }
+            Err(failed) => left = failed,
         }
-        if let Err(error) = plan.part(&parted) {
-            failure = error;
-            break;
-        }
+        plan.part(&left)?;
     }
-    best.map(|(_, work)| work).ok_or(failure)
+    Err(LayoutError::NotCut { regions: left.len(), reason: "their parts are no disks" })
 }
 
 /// Patches drawn anew as regions are, and cut anew.
