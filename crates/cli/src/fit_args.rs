@@ -82,7 +82,7 @@ pub(crate) struct RunArgs {
 /// Where options are said beside the command line. The last that says one counts: preset, file, command line, manifest.
 #[derive(Args, Debug)]
 pub(crate) struct SaidArgs {
-    /// Inputs from a file, a part a line: .csv whose first line names the columns, or .toml with tables [[part]]. input is the scan, name
+    /// Inputs from a file, a part a line: .csv whose first line names the columns, or .toml with a table `part` each. input is the scan, name
     /// that of its files in the output directory, all others are options by their names.
     #[arg(long, value_name = "PARTS.csv|PARTS.toml", help_heading = "Many parts")]
     pub(crate) manifest: Option<PathBuf>,

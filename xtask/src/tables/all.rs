@@ -24,7 +24,7 @@ const PAGES: [(&str, bool); 9] = [
     ("printed", false),
 ];
 
-/// Makes a page anew; none if it is not among [`PAGES`] or needs data that are not there.
+/// Makes a page anew; none if it is not among `PAGES` or needs data that are not there.
 ///
 /// # Errors
 /// What computing it meets.
