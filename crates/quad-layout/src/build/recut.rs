@@ -85,7 +85,8 @@ impl Patchwork {
     fn without_gone(mut self) -> Self {
         let sharp = super::Plan::sharp_edges(&self);
         let there: Vec<usize> = (0..self.polygons.len()).filter(|&number| !self.polygons[number].is_empty()).collect();
-        let raw = |number: usize| patch(self.sides_of(number), std::mem::take(&mut self.faces[number].clone()));
+        let mut faces = std::mem::take(&mut self.faces);
+        let raw = |number: usize| patch(self.sides_of(number), std::mem::take(&mut faces[number]));
         let patches: Vec<RawPatch> = there.into_iter().map(raw).collect();
         Self::of_patches(std::mem::take(&mut self.points), patches, &sharp)
     }
