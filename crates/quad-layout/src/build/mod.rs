@@ -136,10 +136,7 @@ fn improved(work: Patchwork, patches: Vec<RawPatch>, longest: f64) -> Patchwork 
 /// The layout of patches.
 fn finished(mut work: Patchwork) -> Result<QuadLayout, LayoutError> {
     let patches: Vec<RawPatch> = (0..work.polygons.len())
-        .map(|region| {
-            let sides = std::array::from_fn(|k| work.path(work.polygons[region][k]));
-            patches::patch(sides, std::mem::take(&mut work.faces[region]))
-        })
+        .map(|number| patches::patch(work.sides_of(number), std::mem::take(&mut work.faces[number])))
         .collect();
     let sharp = Plan::sharp_edges(&work);
     let mut layout = QuadLayout::new(work.points, patches)?;

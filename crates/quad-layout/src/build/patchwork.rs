@@ -228,6 +228,17 @@ impl Patchwork {
         angle_at(self.points[node as usize], self.along(next), self.along(&before))
     }
 
+    /// The four sides of a patch.
+    pub(super) fn sides_of(&self, number: usize) -> [Vec<u32>; 4] {
+        std::array::from_fn(|k| self.path(self.polygons[number][k]))
+    }
+
+    /// The angles of a patch with these sides and triangles, at the starts of its sides, and the lengths of these.
+    pub(super) fn corners_and_sides(&self, sides: &[Vec<u32>; 4], faces: &[[u32; 3]]) -> ([f64; 4], [f64; 4]) {
+        let angle = |k: usize| self.angle_between(&sides[k], &sides[(k + 3) % 4], faces);
+        (std::array::from_fn(angle), std::array::from_fn(|k| self.length(&sides[k])))
+    }
+
     /// The point of a path at a share of its length.
     fn along(&self, path: &[u32]) -> [f64; 3] {
         let points: Vec<[f64; 3]> = path.iter().map(|&v| self.points[v as usize]).collect();

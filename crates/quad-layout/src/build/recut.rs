@@ -76,11 +76,6 @@ impl Patchwork {
         recut.work.without_gone()
     }
 
-    /// Four sides of a patch.
-    fn sides_of(&self, number: usize) -> [Vec<u32>; 4] {
-        std::array::from_fn(|k| self.path(self.polygons[number][k]))
-    }
-
     /// Without patches and borders that are no more.
     fn without_gone(mut self) -> Self {
         let sharp = super::Plan::sharp_edges(&self);
@@ -103,8 +98,7 @@ impl Recut {
 
     /// The angles of a patch, and what it costs.
     fn judged(&self, sides: &[Vec<u32>; 4], faces: &[[u32; 3]]) -> ([f64; 4], f64) {
-        let angles = std::array::from_fn(|k| self.work.angle_between(&sides[k], &sides[(k + 3) % 4], faces));
-        let lengths: [f64; 4] = std::array::from_fn(|k| self.work.length(&sides[k]));
+        let (angles, lengths) = self.work.corners_and_sides(sides, faces);
         let longest = lengths.iter().copied().fold(0.0, f64::max);
         let too_large = (longest / self.longest - 1.0).max(0.0) + self.turned(faces);
         (angles, cost(angles, lengths) + TOO_LARGE * too_large)

@@ -25,12 +25,13 @@ impl Patchwork {
     /// borders between two nodes on creases to straight ones.
     pub(super) fn straighten(&mut self) {
         let on_crease = self.on_crease();
+        let is_cut = self.polygons.iter().all(|polygon| polygon.len() == 4);
         for _ in 0..SWEEPS {
             self.lengthen_borders();
             let nodes: BTreeSet<u32> = self.polygons.iter().flatten().map(|&side| self.start(side)).collect();
             for node in nodes.difference(&on_crease) {
                 if let Some(star) = self.star(*node) {
-                    self.improve(&star.regions, |work| {
+                    self.improve(is_cut, &star.regions, |work| {
                         SNAPS.iter().any(|&snap| work.redraw_star(&star, snap).is_some());
                     });
                 }
@@ -40,7 +41,7 @@ impl Patchwork {
                 let ends = [path[0], path[path.len() - 1]];
                 if !self.borders[border].is_sharp && ends.iter().all(|end| on_crease.contains(end)) {
                     let sides = self.borders[border].sides;
-                    self.improve(&sides, |work| {
+                    self.improve(is_cut, &sides, |work| {
                         SNAPS.iter().any(|&snap| work.redraw_border(border, snap).is_some());
                     });
                 }
@@ -49,11 +50,14 @@ impl Patchwork {
         self.lengthen_borders();
     }
 
-    /// Changes regions and the borders between them, unless that makes their cuts dearer.
-    fn improve(&mut self, regions: &[usize], change: impl FnOnce(&mut Self)) {
-        let cost = |work: &Self| regions.iter().map(|&region| work.least_cost(region)).sum::<f64>();
-        let is_cut = self.polygons.iter().all(|polygon| polygon.len() == 4);
-        let (before, points) = (if is_cut { cost(self) } else { f64::INFINITY }, self.points.len());
+    /// Changes regions and the borders between them; patches only where that does not make them dearer. Polygons that are yet to be cut have
+    /// jagged borders, whose angles tell nothing.
+    fn improve(&mut self, is_cut: bool, regions: &[usize], change: impl FnOnce(&mut Self)) {
+        if !is_cut {
+            return change(self);
+        }
+        let cost = |work: &Self| regions.iter().map(|&region| work.patch_cost(region)).sum::<f64>();
+        let (before, points) = (cost(self), self.points.len());
         let faces: Vec<Vec<[u32; 3]>> = regions.iter().map(|&region| self.faces[region].clone()).collect();
         let borders: BTreeSet<usize> =
             regions.iter().flat_map(|&region| self.polygons[region].iter().map(|side| side.border)).collect();
@@ -68,15 +72,13 @@ impl Patchwork {
 
     /// Number of patches that break a rule.
     pub(super) fn broken(&self) -> usize {
-        (0..self.polygons.len()).filter(|&number| self.least_cost(number) >= BROKEN).count()
+        (0..self.polygons.len()).filter(|&number| self.patch_cost(number) >= BROKEN).count()
     }
 
-    /// What a patch costs; nothing for polygons that are yet to be cut, whose borders are jagged.
-    fn least_cost(&self, region: usize) -> f64 {
-        let paths: Vec<Vec<u32>> = self.polygons[region].iter().map(|&side| self.path(side)).collect();
-        let Ok(paths) = <[Vec<u32>; 4]>::try_from(paths) else { return 0.0 };
-        let angle = |k: usize| self.angle_between(&paths[k], &paths[(k + 3) % 4], &self.faces[region]);
-        cost(std::array::from_fn(angle), std::array::from_fn(|k| self.length(&paths[k])))
+    /// What the shape of a patch costs.
+    fn patch_cost(&self, number: usize) -> f64 {
+        let (angles, lengths) = self.corners_and_sides(&self.sides_of(number), &self.faces[number]);
+        cost(angles, lengths)
     }
 
     /// Nodes on creases.
