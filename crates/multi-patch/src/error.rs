@@ -25,6 +25,14 @@ pub enum Error {
         /// The patch of its place.
         patch: u32,
     },
+    /// A patch has no length or no width.
+    #[error("patch {patch} (counted from 0) is {} by {} in size, which are not both positive numbers", size[0], size[1])]
+    BadSize {
+        /// The patch.
+        patch: usize,
+        /// What it was given.
+        size: [f64; 2],
+    },
     /// An option lies outside its range.
     #[error("{name} = {value} is not {range}")]
     Option {
@@ -43,7 +51,7 @@ pub enum Error {
         /// Why.
         cause: fit_ls::FactorizationError,
     },
-    /// The number of flags of sharp arcs is wrong, or a place lies outside its patch.
+    /// The number of flags of sharp arcs or of sizes is wrong, or a place lies outside its patch.
     #[error(transparent)]
     Space(#[from] thb_core::Error),
 }

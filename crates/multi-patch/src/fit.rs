@@ -10,7 +10,8 @@ use thb_core::{CellSpace, MultiPatchSpace, SplineMap, SymmetricPattern};
 use crate::arc_points::{ArcElement, arc_elements};
 use crate::equations::Solver;
 use crate::feet::follow;
-use crate::samples::{Sample, Samples};
+use crate::problem::Problem;
+use crate::samples::Samples;
 use crate::term::{State, Term};
 use crate::terms::{Angles, Data, Kinks, Plates};
 use crate::{Error, Options, Surface};
@@ -73,53 +74,44 @@ pub struct Fitted {
 }
 
 /// The fit between two steps.
-struct Fit<'a> {
-    space: &'a Arc<MultiPatchSpace>,
+pub(crate) struct Fit<'a> {
+    pub(crate) space: &'a Arc<MultiPatchSpace>,
     sharp: &'a [bool],
     elements: Arc<[ArcElement]>,
-    plates: Plates,
+    pub(crate) plates: Plates,
     solver: Solver,
-    samples: Samples,
+    pub(crate) samples: Samples,
     /// In diagonals.
-    coefficients: Vec<f64>,
+    pub(crate) coefficients: Vec<f64>,
     /// (ω h)² / n_E for ω = 1.
     unit_of_angles: f64,
     steps: Vec<Step>,
 }
 
-/// Fits a surface to samples. `sharp` tells of each arc whether the surface may have a kink there.
+/// Fits a surface to samples.
 ///
-/// First the vector form of the angle term while μ falls, with a pass of foot points a step; then Gauss–Newton steps on the angles. The
-/// result does not depend on the number of threads.
+/// First the vector form of the angle term while μ falls, with a pass of foot points a step; then Gauss–Newton steps on the angles; then
+/// these again with stiffer plates where the surface turns over. The result does not depend on the number of threads.
 ///
 /// # Errors
 /// [`Error`].
-pub fn fit(
-    space: &Arc<MultiPatchSpace>,
-    sharp: &[bool],
-    samples: Vec<Sample>,
-    options: &Options,
-) -> Result<Fitted, Error> {
+pub fn fit(problem: Problem<'_>, options: &Options) -> Result<Fitted, Error> {
     options.check()?;
-    let (given, expected) = (sharp.len(), space.topology().arcs().len());
-    if given != expected {
-        return Err(thb_core::Error::Shape { what: "flags of sharp arcs", given, expected }.into());
-    }
-    let span = tracing::info_span!("multi_patch_fit", functions = space.n_functions(), samples = samples.len());
+    problem.check()?;
+    let (functions, samples) = (problem.space.n_functions(), problem.samples.len());
+    let span = tracing::info_span!("multi_patch_fit", functions, samples);
     let _guard = span.enter();
-    let mut fit = Fit::new(space, sharp, samples, options)?;
+    let outward = problem.outward;
+    let mut fit = Fit::new(problem, options)?;
     fit.first_stage(options)?;
     fit.second_stage(options)?;
+    fit.unfold(outward, options)?;
     fit.finish(options)
 }
 
 impl<'a> Fit<'a> {
-    fn new(
-        space: &'a Arc<MultiPatchSpace>,
-        sharp: &'a [bool],
-        mut samples: Vec<Sample>,
-        options: &Options,
-    ) -> Result<Self, Error> {
+    fn new(problem: Problem<'a>, options: &Options) -> Result<Self, Error> {
+        let Problem { space, sharp, sizes, mut samples, .. } = problem;
         // Lengths in diagonals; coordinates are small already where parts lie near the origin.
         samples.iter_mut().for_each(|sample| sample.point = sample.point.map(|x| x / options.diagonal));
         let samples = Samples::new(space, samples)?;
@@ -137,7 +129,7 @@ impl<'a> Fit<'a> {
         Ok(Self {
             space,
             sharp,
-            plates: Plates::new(space, &pattern)?,
+            plates: Plates::new(space, &pattern, sizes),
             solver: Solver::new(&pattern)?,
             samples,
             coefficients,
@@ -151,7 +143,7 @@ impl<'a> Fit<'a> {
         self.plates.set_weight(plates / self.space.n_patches() as f64);
     }
 
-    fn surface(&self, coefficients: &[f64], unit: f64) -> Result<Surface, Error> {
+    pub(crate) fn surface(&self, coefficients: &[f64], unit: f64) -> Result<Surface, Error> {
         let values = Array2::from_shape_fn((self.space.n_functions(), 3), |(i, k)| unit * coefficients[3 * i + k]);
         Ok(SplineMap::new(Arc::clone(self.space), values)?)
     }
@@ -210,7 +202,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Gauss–Newton steps with the angles themselves.
-    fn second_stage(&mut self, options: &Options) -> Result<(), Error> {
+    pub(crate) fn second_stage(&mut self, options: &Options) -> Result<(), Error> {
         self.set_plates(options.plates);
         let scale = options.smoothness * options.smoothness * self.unit_of_angles;
         let held = HELD_SHARE * options.smoothness.min(1.0).powi(2) * self.unit_of_angles;

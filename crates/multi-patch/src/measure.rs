@@ -74,23 +74,25 @@ fn normal_at(surface: &Surface, place: PatchPlace) -> [f64; 3] {
 /// with the number of its places that are turned, of 5 × 5 in each cell.
 pub fn folds(surface: &Surface, outward: impl Fn([f64; 3], [f64; 3]) -> [f64; 3] + Sync) -> Vec<(usize, usize)> {
     let space: &MultiPatchSpace = surface.space();
-    let turned = |patch: usize| {
-        let cells = space.cells_of_patch(patch);
-        let in_cell = |cell: usize| {
-            let (lower, upper) = surface.bezier().cell_box(cell);
-            let places = (0..FOLD_PLACES * FOLD_PLACES).filter(|k| {
-                let step = [k % FOLD_PLACES, k / FOLD_PLACES].map(|i| i as f64 / (FOLD_PLACES - 1) as f64);
-                let inside = step.map(|t| FOLD_MARGIN + (1.0 - 2.0 * FOLD_MARGIN) * t);
-                let u = std::array::from_fn(|d| lower[d] + inside[d] * (upper[d] - lower[d]));
-                let (point, normal) = (surface.bezier().jet(cell, u).value, unit(area_vector(surface, cell, u)));
-                dot(normal, outward(point, normal)) <= 0.0
-            });
-            places.count()
-        };
-        (patch, cells.map(in_cell).sum::<usize>())
+    let turned = turned_places(surface, outward);
+    let of_patch = |patch: usize| (patch, space.cells_of_patch(patch).map(|cell| turned[cell]).sum::<usize>());
+    (0..space.n_patches()).map(of_patch).filter(|(_, places)| *places > 0).collect()
+}
+
+/// The number of places in each cell, of 5 × 5, at which the surface turns away from what it should be ([`folds`]).
+pub(crate) fn turned_places(surface: &Surface, outward: impl Fn([f64; 3], [f64; 3]) -> [f64; 3] + Sync) -> Vec<usize> {
+    let in_cell = |cell: usize| {
+        let (lower, upper) = surface.bezier().cell_box(cell);
+        let places = (0..FOLD_PLACES * FOLD_PLACES).filter(|k| {
+            let step = [k % FOLD_PLACES, k / FOLD_PLACES].map(|i| i as f64 / (FOLD_PLACES - 1) as f64);
+            let inside = step.map(|t| FOLD_MARGIN + (1.0 - 2.0 * FOLD_MARGIN) * t);
+            let u = std::array::from_fn(|d| lower[d] + inside[d] * (upper[d] - lower[d]));
+            let (point, normal) = (surface.bezier().jet(cell, u).value, unit(area_vector(surface, cell, u)));
+            dot(normal, outward(point, normal)) <= 0.0
+        });
+        places.count()
     };
-    let all: Vec<(usize, usize)> = (0..space.n_patches()).into_par_iter().map(turned).collect();
-    all.into_iter().filter(|(_, places)| *places > 0).collect()
+    (0..surface.space().n_cells()).into_par_iter().map(in_cell).collect()
 }
 
 /// Integrals over a surface.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use point_cloud::vec3::{cross, dot, unit};
 use thb_core::{MultiPatchSpace, PatchPlace, PatchSide, PatchTopology};
 
-use crate::Sample;
+use crate::{Error, Fitted, Options, Problem, Sample, fit};
 
 /// The six faces of a cube, seen from outside, glued along its twelve edges: corners are numbered by the bits of their coordinates.
 pub(crate) fn cube() -> Arc<PatchTopology> {
@@ -60,6 +60,17 @@ pub(crate) fn ellipsoid(n: usize, axes: [f64; 3]) -> Vec<Sample> {
 /// A space on the cube.
 pub(crate) fn space(degree: usize, elements: usize) -> Arc<MultiPatchSpace> {
     Arc::new(MultiPatchSpace::uniform(cube(), degree, elements).unwrap())
+}
+
+/// Fits samples on a cube's faces; the surface faces away from the origin.
+pub(crate) fn fit_cube(
+    space: &Arc<MultiPatchSpace>,
+    sharp: &[bool],
+    samples: Vec<Sample>,
+    options: &Options,
+) -> Result<Fitted, Error> {
+    let problem = Problem { space, sharp, sizes: &[[1.0; 2]; 6], samples, outward: &|point, _| unit(point) };
+    fit(problem, options)
 }
 
 /// Random numbers between −1 and 1, from a seed.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use point_cloud::vec3::{norm, sub};
 use rayon::prelude::*;
 use thb_core::{PatchSide, PatchTopology};
 
@@ -138,8 +139,21 @@ impl QuadLayout {
         middles
     }
 
+    /// The mean lengths of opposite sides of each patch, in the direction of u and of v.
+    pub fn sizes(&self) -> Vec<[f64; 2]> {
+        let length = |arc: u32| {
+            let ends = self.paths[arc as usize].windows(2);
+            ends.map(|pair| norm(sub(self.vertices[pair[1] as usize], self.vertices[pair[0] as usize]))).sum::<f64>()
+        };
+        let lengths: Vec<f64> = (0..self.paths.len() as u32).map(length).collect();
+        let of_patch = |sides: &[PatchSide; 4]| {
+            [0, 1].map(|d| 0.5 * (lengths[sides[d].arc as usize] + lengths[sides[d + 2].arc as usize]))
+        };
+        self.topology.patches().iter().map(of_patch).collect()
+    }
+
     /// The corners of a triangle of a patch in space.
-    pub(crate) fn triangle(&self, patch: usize, triangle: usize) -> [[f64; 3]; 3] {
+    pub fn triangle(&self, patch: usize, triangle: usize) -> [[f64; 3]; 3] {
         let patch = &self.patches[patch];
         patch.triangles[triangle].map(|v| self.vertices[patch.vertices[v as usize] as usize])
     }

@@ -7,7 +7,7 @@ use crate::arc_points::arc_elements;
 use crate::equations::{Equations, Solver};
 use crate::samples::Samples;
 use crate::term::{State, Term};
-use crate::testing::{ellipsoid, on_cube, random, space};
+use crate::testing::{ellipsoid, fit_cube, on_cube, random, space};
 
 /// Coefficients of a lumpy sphere: those of the cube's corners and so on are where their Greville points are, and moved at random.
 fn lumpy(space: &MultiPatchSpace, seed: u64) -> Vec<f64> {
@@ -79,7 +79,9 @@ fn plates_are_quadratic() {
         let space = space(degree, 2);
         let groups: Vec<Vec<u32>> =
             arc_elements(&space, &[false; 12]).unwrap().iter().map(|element| element.functions.clone()).collect();
-        let mut plates = Plates::new(&space, &SymmetricPattern::with_groups(space.as_ref(), &groups)).unwrap();
+        let sizes: Vec<[f64; 2]> = (1..=6).map(|k| [f64::from(k), 2.0]).collect();
+        let mut plates = Plates::new(&space, &SymmetricPattern::with_groups(space.as_ref(), &groups), &sizes);
+        plates.set_stiffness(&space, &(1..=space.n_functions()).map(|i| i as f64).collect::<Vec<_>>());
         plates.set_weight(1e-2);
         check(&plates, false, true, degree);
     }
@@ -109,7 +111,7 @@ fn angles_with_held_lengths_have_their_slopes() {
 fn kinks_and_angles_agree_where_planes_nearly_do() {
     let space = space(3, 4);
     let samples = Samples::new(&space, ellipsoid(12, [1.0, 0.8, 0.6])).unwrap();
-    let fitted = crate::fit(&space, &[false; 12], samples.as_slice().to_vec(), &crate::Options::default()).unwrap();
+    let fitted = fit_cube(&space, &[false; 12], samples.as_slice().to_vec(), &crate::Options::default()).unwrap();
     let coefficients: Vec<f64> = fitted.surface.coefficients().iter().copied().collect();
     let elements = arc_elements(&space, &[false; 12]).unwrap();
     let state = State { space: &space, coefficients: &coefficients, samples: &samples };

@@ -8,9 +8,11 @@ use std::f64::consts::TAU;
 
 use fit_ls::Cholesky;
 use ndarray::Array2;
+use point_cloud::DisjointSets;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
 use thb_core::{SymmetricMatrix, SymmetricPattern};
 
+use super::numbers::Numbers;
 use crate::edge::{edge, sides};
 
 /// Smallest and largest weight of an edge in the map.
@@ -33,31 +35,24 @@ pub(super) struct Disk {
     pub(super) faces: Vec<[u32; 3]>,
     pub(super) uv: Vec<[f64; 2]>,
     /// Vertices that lines must not pass through, of the rim and of lines there are.
-    blocked: BTreeSet<u32>,
+    blocked: Vec<bool>,
     /// Edges that lines must not cross.
     walls: BTreeSet<[u32; 2]>,
     next: u32,
     /// Number of vertices that it was made of.
     given: usize,
-    local: BTreeMap<(usize, u32), u32>,
+    numbers: Numbers,
 }
 
-fn turn(a: [f64; 2], b: [f64; 2]) -> f64 {
+/// A side of a face: its edge, and the face with its number there.
+type FaceSide = ([u32; 2], [u32; 2]);
+
+pub(super) fn turn(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+pub(super) fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
-}
-
-fn root(parent: &BTreeMap<(usize, u32), (usize, u32)>, mut at: (usize, u32)) -> Option<(usize, u32)> {
-    loop {
-        let next = *parent.get(&at)?;
-        if next == at {
-            return Some(at);
-        }
-        at = next;
-    }
 }
 
 /// Angles on a circle at which sides of given lengths begin: half of it is shared out by lengths, half evenly.
@@ -73,6 +68,17 @@ pub(super) fn turns(lengths: &[f64]) -> Vec<f64> {
 }
 
 impl Disk {
+    /// Maps triangles onto the unit square, sides by their lengths. The map has no triangle turned over, but where an edge joins two
+    /// vertices of one side it has some without area. None if the triangles are no disk.
+    pub(super) fn on_square(points: &[[f64; 3]], faces: &[[u32; 3]], sides: &[Vec<u32>; 4]) -> Option<Self> {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let sides: Vec<(usize, Vec<u32>)> = sides.iter().map(|side| (0, side.clone())).collect();
+        Self::mapped(points, &[faces], &[], &sides, |_, side, share| {
+            let [from, to]: [[f64; 2]; 2] = [corners[side], corners[(side + 1) % 4]];
+            [0, 1].map(|d| from[d] + share * (to[d] - from[d]))
+        })
+    }
+
     /// Maps triangles whose rim is made of `sides`, paths from corner to corner, counter-clockwise. None if the triangles are no disk.
     pub(super) fn new(points: &[[f64; 3]], faces: &[[u32; 3]], sides: &[Vec<u32>]) -> Option<Self> {
         let sides: Vec<(usize, Vec<u32>)> = sides.iter().map(|side| (0, side.clone())).collect();
@@ -87,50 +93,54 @@ impl Disk {
         seams: &[([usize; 2], Vec<u32>)],
         sides: &[(usize, Vec<u32>)],
     ) -> Option<Self> {
-        let mut local: BTreeMap<(usize, u32), (usize, u32)> = BTreeMap::new();
-        for (part, faces) in parts.iter().enumerate() {
-            local.extend(faces.iter().flatten().map(|&v| ((part, v), (part, v))));
-        }
-        for ([a, b], seam) in seams {
-            for &vertex in seam {
-                let (p, q) = (root(&local, (*a, vertex))?, root(&local, (*b, vertex))?);
-                local.insert(p.max(q), p.min(q));
-            }
-        }
-        let keys: Vec<(usize, u32)> = local.keys().copied().collect();
-        let mut number = BTreeMap::new();
-        let mut ids = Vec::new();
-        for &key in keys.iter().filter(|key| local[key] == **key) {
-            number.insert(key, ids.len() as u32);
-            ids.push(key.1);
-        }
-        let local: BTreeMap<(usize, u32), u32> =
-            keys.iter().map(|&key| Some((key, number[&root(&local, key)?]))).collect::<Option<_>>()?;
-        let faces = parts.iter().enumerate();
-        let faces = faces.flat_map(|(part, faces)| faces.iter().map(move |t| t.map(|v| (part, v))));
+        let on_circle = |lengths: &[f64], side: usize, share: f64| {
+            let starts = turns(lengths);
+            let end = starts.get(side + 1).copied().unwrap_or(TAU);
+            let (sin, cos) = (starts[side] + (end - starts[side]) * share).sin_cos();
+            [cos, sin]
+        };
+        Self::mapped(points, parts, seams, sides, on_circle).filter(Self::is_one_to_one)
+    }
+
+    /// Glues parts and maps them; `place` gives the places of the rim, by the lengths of its sides, a side, and a share of its length.
+    fn mapped(
+        points: &[[f64; 3]],
+        parts: &[&[[u32; 3]]],
+        seams: &[([usize; 2], Vec<u32>)],
+        sides: &[(usize, Vec<u32>)],
+        place: impl Fn(&[f64], usize, f64) -> [f64; 2],
+    ) -> Option<Self> {
+        let (numbers, faces) = Numbers::new(points.len(), parts, seams)?;
+        let ids = numbers.ids();
         let mut disk = Self {
             points: ids.iter().map(|&v| points[v as usize]).collect(),
-            faces: faces.map(|t| t.map(|key| local[&key])).collect(),
+            faces,
             uv: vec![[0.0; 2]; ids.len()],
-            blocked: BTreeSet::new(),
+            blocked: vec![false; ids.len()],
             walls: BTreeSet::new(),
             next: points.len() as u32,
             given: ids.len(),
             ids,
-            local,
+            numbers,
         };
-        disk.pin(sides)?;
-        disk.is_disk().then_some(())?;
-        disk.solve()?;
-        disk.is_one_to_one().then_some(disk)
+        disk.pin(sides, place)?;
+        let edges = disk.edges();
+        disk.is_disk(&edges).then_some(())?;
+        disk.solve(&edges)?;
+        Some(disk)
     }
 
     /// The number here of a vertex of a part.
     pub(super) fn local(&self, part: usize, vertex: u32) -> Option<u32> {
-        self.local.get(&(part, vertex)).copied()
+        self.numbers.of(part, vertex)
     }
 
-    fn pin(&mut self, sides: &[(usize, Vec<u32>)]) -> Option<()> {
+    /// Whether lines must not pass through a vertex.
+    pub(super) fn is_blocked(&self, vertex: u32) -> bool {
+        self.blocked[vertex as usize]
+    }
+
+    fn pin(&mut self, sides: &[(usize, Vec<u32>)], place: impl Fn(&[f64], usize, f64) -> [f64; 2]) -> Option<()> {
         let length = |(part, side): &(usize, Vec<u32>)| -> Option<Vec<f64>> {
             let mut sums = vec![0.0];
             for pair in side.windows(2) {
@@ -142,56 +152,71 @@ impl Disk {
         };
         let lengths: Vec<Vec<f64>> = sides.iter().map(length).collect::<Option<_>>()?;
         let whole: Vec<f64> = lengths.iter().map(|sums| sums[sums.len() - 1]).collect();
-        let starts = turns(&whole);
         let mut pinned = Vec::new();
         for (i, ((part, side), sums)) in sides.iter().zip(&lengths).enumerate() {
-            let share = starts.get(i + 1).copied().unwrap_or(TAU) - starts[i];
             for (vertex, sum) in side.iter().zip(sums).take(side.len() - 1) {
-                let (sin, cos) = (starts[i] + share * sum / whole[i]).sin_cos();
-                pinned.push((self.local(*part, *vertex)?, [cos, sin]));
+                pinned.push((self.local(*part, *vertex)?, place(&whole, i, sum / whole[i])));
             }
         }
         for &(vertex, place) in &pinned {
             self.uv[vertex as usize] = place;
-            self.blocked.insert(vertex);
+            if std::mem::replace(&mut self.blocked[vertex as usize], true) {
+                return None;
+            }
         }
         let n = pinned.len();
         (0..n).for_each(|i| {
             self.walls.insert(edge(pinned[i].0, pinned[(i + 1) % n].0));
         });
-        (self.blocked.len() == n).then_some(())
+        Some(())
+    }
+
+    /// Sides of all faces, those of an edge side by side.
+    fn edges(&self) -> Vec<FaceSide> {
+        let of_face = |(number, &face): (usize, &[u32; 3])| {
+            sides(face).into_iter().enumerate().map(move |(k, side)| (side, [number as u32, k as u32]))
+        };
+        let mut edges: Vec<FaceSide> = self.faces.iter().enumerate().flat_map(of_face).collect();
+        edges.sort_unstable();
+        edges
     }
 
     /// Whether the rim is what is pinned, and the Euler number 1.
-    fn is_disk(&self) -> bool {
-        let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-        self.faces.iter().flat_map(|&face| sides(face)).for_each(|side| *uses.entry(side).or_default() += 1);
-        let euler = self.ids.len() as isize - uses.len() as isize + self.faces.len() as isize;
-        euler == 1
-            && uses.values().all(|uses| *uses <= 2)
-            && uses.iter().all(|(side, uses)| (*uses == 1) == self.walls.contains(side))
+    fn is_disk(&self, edges: &[FaceSide]) -> bool {
+        let (mut count, mut rim) = (0, 0);
+        for uses in edges.chunk_by(|a, b| a.0 == b.0) {
+            count += 1;
+            match uses.len() {
+                1 if self.walls.contains(&uses[0].0) => rim += 1,
+                2 => {}
+                _ => return false,
+            }
+        }
+        rim == self.walls.len() && self.ids.len() as isize - count as isize + self.faces.len() as isize == 1
     }
 
     /// Free vertices to the weighted means of their neighbours.
-    fn solve(&mut self) -> Option<()> {
-        let mut weights: BTreeMap<[u32; 2], f64> = BTreeMap::new();
-        for &face in &self.faces {
-            for k in 0..3 {
-                let [a, b, c] = [0, 1, 2].map(|i| face[(k + i) % 3]);
-                let [p, q, r] = [a, b, c].map(|v| self.points[v as usize]);
-                let (x, y) = (sub(p, r), sub(q, r));
-                let cotangent = dot(x, y) / norm(cross(x, y)).max(f64::MIN_POSITIVE);
-                *weights.entry(edge(a, b)).or_default() += 0.5 * cotangent.clamp(-1e3, 1e3);
-            }
-        }
-        self.balance(weights.into_iter().map(|(ends, weight)| (ends, weight.clamp(WEIGHTS[0], WEIGHTS[1]))))
+    fn solve(&mut self, edges: &[FaceSide]) -> Option<()> {
+        let half_cotangent = |[face, k]: [u32; 2]| {
+            let [a, b, c] = [0, 1, 2].map(|i| self.faces[face as usize][(k as usize + i) % 3]);
+            let [p, q, r] = [a, b, c].map(|v| self.points[v as usize]);
+            let (x, y) = (sub(p, r), sub(q, r));
+            let cotangent = dot(x, y) / norm(cross(x, y)).max(f64::MIN_POSITIVE);
+            0.5 * cotangent.clamp(-1e3, 1e3)
+        };
+        let spring = |uses: &[FaceSide]| {
+            let weight: f64 = uses.iter().map(|(_, side)| half_cotangent(*side)).sum();
+            (uses[0].0, weight.clamp(WEIGHTS[0], WEIGHTS[1]))
+        };
+        let springs: Vec<([u32; 2], f64)> = edges.chunk_by(|a, b| a.0 == b.0).map(spring).collect();
+        self.balance(&springs)
     }
 
     /// Moves free vertices to where the springs along edges are at rest.
-    fn balance(&mut self, springs: impl Iterator<Item = ([u32; 2], f64)>) -> Option<()> {
+    fn balance(&mut self, springs: &[([u32; 2], f64)]) -> Option<()> {
         let mut free = Vec::new();
         let mut row = vec![None; self.ids.len()];
-        for vertex in (0..self.ids.len() as u32).filter(|v| !self.blocked.contains(v)) {
+        for vertex in (0..self.ids.len() as u32).filter(|&v| !self.is_blocked(v)) {
             row[vertex as usize] = Some(free.len() as u32);
             free.push(vertex);
         }
@@ -199,28 +224,28 @@ impl Disk {
             return Some(());
         }
         let mut right = Array2::zeros((free.len(), 2));
-        let mut groups: Vec<Vec<u32>> = Vec::new();
-        let mut stiffness: Vec<f64> = Vec::new();
-        for ([a, b], weight) in springs {
+        // Rows that a spring joins, twice the same if only one end is free.
+        let mut groups: Vec<[u32; 2]> = Vec::with_capacity(springs.len());
+        let mut stiffness: Vec<f64> = Vec::with_capacity(springs.len());
+        for &([a, b], weight) in springs {
             match (row[a as usize], row[b as usize]) {
-                (Some(i), Some(j)) => {
-                    groups.push(vec![i.min(j), i.max(j)]);
-                    stiffness.push(weight);
-                }
+                (Some(i), Some(j)) => groups.push(edge(i, j)),
                 (Some(i), None) | (None, Some(i)) => {
                     let held = self.uv[if row[a as usize].is_none() { a } else { b } as usize];
                     (0..2).for_each(|d| right[[i as usize, d]] += weight * held[d]);
-                    groups.push(vec![i]);
-                    stiffness.push(weight);
+                    groups.push([i, i]);
                 }
-                (None, None) => {}
+                (None, None) => continue,
             }
+            stiffness.push(weight);
         }
-        let pattern = SymmetricPattern::of_groups(free.len(), groups.len(), |group| &groups[group]);
+        let rows = |group: &'_ [u32; 2]| if group[0] == group[1] { 1 } else { 2 };
+        let pattern = SymmetricPattern::of_groups(free.len(), groups.len(), |g| &groups[g][..rows(&groups[g])]);
         let mut matrix = SymmetricMatrix::zeros(&pattern);
         for (group, &k) in groups.iter().zip(&stiffness) {
             let spring = [k, -k, -k, k];
-            matrix.add_cell(group, if group.len() == 1 { &spring[..1] } else { &spring });
+            let n = rows(group);
+            matrix.add_cell(&group[..n], &spring[..n * n]);
         }
         let mut solver = Cholesky::new(&pattern).ok()?;
         solver.factorize(&matrix).ok()?;
@@ -249,6 +274,7 @@ impl Disk {
         let vertex = self.points.len() as u32;
         self.points.push(point);
         self.uv.push(uv);
+        self.blocked.push(false);
         self.ids.push(self.next);
         self.next += 1;
         vertex
@@ -267,8 +293,8 @@ impl Disk {
         })?;
         let corners = self.faces[face];
         for k in 0..3 {
-            if w[k] > 0.7 && !self.blocked.contains(&corners[k]) {
-                self.blocked.insert(corners[k]);
+            if w[k] > 0.7 && !self.is_blocked(corners[k]) {
+                self.blocked[corners[k] as usize] = true;
                 return Some(corners[k]);
             }
         }
@@ -284,7 +310,7 @@ impl Disk {
         let m = self.add_at(point, uv);
         self.faces[face] = [a, b, m];
         self.faces.extend([[b, c, m], [c, a, m]]);
-        self.blocked.insert(m);
+        self.blocked[m as usize] = true;
         Some(m)
     }
 
@@ -298,7 +324,7 @@ impl Disk {
             }
             now = self.step(now, to, snap, path.len() == 1)?;
             if now != to {
-                self.blocked.insert(now);
+                self.blocked[now as usize] = true;
             }
             path.push(now);
         }
@@ -334,7 +360,7 @@ impl Disk {
         // The direction at the begin is that of the angle there.
         let snap = if is_first { snap.min(FIRST_SNAP) } else { snap };
         for (end, share) in [(p, t), (q, 1.0 - t)] {
-            if share < snap && !self.blocked.contains(&end) {
+            if share < snap && !self.is_blocked(end) {
                 return Some(end);
             }
         }
@@ -354,35 +380,21 @@ impl Disk {
 
     /// Groups of faces that no line parts: of each face its group, and the number of groups.
     pub(super) fn groups(&self) -> (Vec<usize>, usize) {
-        let mut beside: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
-        for (face, &corners) in self.faces.iter().enumerate() {
-            for side in sides(corners) {
+        let mut sets = DisjointSets::new(self.faces.len());
+        for uses in self.edges().chunk_by(|a, b| a.0 == b.0) {
+            if let [(side, [a, _]), (_, [b, _])] = *uses {
                 if !self.walls.contains(&side) {
-                    beside.entry(side).or_default().push(face);
+                    sets.join(a, b);
                 }
             }
         }
-        let mut group = vec![usize::MAX; self.faces.len()];
-        let mut count = 0;
-        for start in 0..self.faces.len() {
-            if group[start] != usize::MAX {
-                continue;
-            }
-            group[start] = count;
-            let mut stack = vec![start];
-            while let Some(face) = stack.pop() {
-                for side in sides(self.faces[face]) {
-                    for &next in beside.get(&side).into_iter().flatten() {
-                        if group[next] == usize::MAX {
-                            group[next] = count;
-                            stack.push(next);
-                        }
-                    }
-                }
-            }
-            count += 1;
-        }
-        (group, count)
+        let mut number: BTreeMap<u32, usize> = BTreeMap::new();
+        let of_face = |face: usize| {
+            let count = number.len();
+            *number.entry(sets.root(face as u32)).or_insert(count)
+        };
+        let group = (0..self.faces.len()).map(of_face).collect();
+        (group, number.len())
     }
 
     /// The face to the left of an edge from `a` to `b`.
@@ -403,60 +415,5 @@ impl Disk {
     /// A path in numbers of the whole.
     pub(super) fn whole(&self, path: &[u32]) -> Vec<u32> {
         path.iter().map(|&v| self.ids[v as usize]).collect()
-    }
-}
-
-/// Follows straight lines of the map without cutting.
-pub(super) struct Tracer<'a> {
-    disk: &'a Disk,
-    /// The face to the left of each half-edge, with its third vertex.
-    left: BTreeMap<(u32, u32), u32>,
-    /// The other two vertices of the faces at each vertex of the rim, counter-clockwise.
-    at: BTreeMap<u32, Vec<[u32; 2]>>,
-}
-
-impl<'a> Tracer<'a> {
-    pub(super) fn new(disk: &'a Disk) -> Self {
-        let mut left = BTreeMap::new();
-        let mut at: BTreeMap<u32, Vec<[u32; 2]>> = BTreeMap::new();
-        for &face in &disk.faces {
-            for k in 0..3 {
-                let [a, b, c] = [0, 1, 2].map(|i| face[(k + i) % 3]);
-                left.insert((a, b), c);
-                if disk.blocked.contains(&a) {
-                    at.entry(a).or_default().push([b, c]);
-                }
-            }
-        }
-        Self { disk, left, at }
-    }
-
-    /// The line between two vertices of the rim, in space.
-    pub(super) fn line(&self, from: u32, to: u32) -> Option<Vec<[f64; 3]>> {
-        let (uv, points) = (&self.disk.uv, &self.disk.points);
-        let start = uv[from as usize];
-        let way = minus(uv[to as usize], start);
-        let off = |v: u32| turn(way, minus(uv[v as usize], start));
-        let ends = [points[from as usize], points[to as usize]];
-        let beside = self.at.get(&from)?;
-        if beside.iter().any(|pair| pair.contains(&to)) {
-            return Some(ends.to_vec());
-        }
-        let clear = |pair: &[u32; 2]| (-off(pair[0])).min(off(pair[1]));
-        let ahead = |pair: &&[u32; 2]| off(pair[1]) > off(pair[0]);
-        let &[mut right, mut left] = beside.iter().filter(ahead).max_by(|a, b| clear(a).total_cmp(&clear(b)))?;
-        let mut line = vec![ends[0]];
-        for _ in 0..self.disk.faces.len() {
-            let (r, l) = (off(right).abs(), off(left).abs());
-            let [p, q] = [right, left].map(|v| points[v as usize]);
-            line.push(add(p, scale(r / (r + l).max(f64::MIN_POSITIVE), sub(q, p))));
-            let third = *self.left.get(&(left, right))?;
-            if third == to {
-                line.push(ends[1]);
-                return Some(line);
-            }
-            *(if off(third) > 0.0 { &mut left } else { &mut right }) = third;
-        }
-        None
     }
 }

@@ -13,6 +13,8 @@ mod features;
 mod flips;
 mod lines;
 mod mesh;
+mod numbers;
+mod patch_fit;
 mod patches;
 mod patchwork;
 mod patterns;
@@ -22,6 +24,7 @@ mod refine;
 mod regions;
 mod rungs;
 mod straighten;
+mod trace;
 
 use std::collections::BTreeSet;
 

@@ -5,9 +5,10 @@ use std::f64::consts::{PI, TAU};
 
 use point_cloud::vec3::{norm, sub};
 
-use super::disk::{Disk, Tracer};
+use super::disk::Disk;
 use super::mesh::angle_at;
 use super::patchwork::{AHEAD, along, length};
+use super::trace::Tracer;
 
 /// Angles of corners, in radians, beyond which a pattern is all but forbidden: a margin within 25° and 155°.
 const ANGLES: [f64; 2] = [0.61, 2.5];

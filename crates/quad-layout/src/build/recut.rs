@@ -10,6 +10,7 @@ use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
 use rayon::prelude::*;
 
 use super::disk::Disk;
+use super::patch_fit::PatchFit;
 use super::patches::{drawn, patch};
 use super::patchwork::{Patchwork, Side};
 use super::patterns::{BROKEN, Cut, Polygon, cost, cost_at_least};
@@ -31,6 +32,9 @@ const PASSES: usize = 12;
 
 /// What a patch costs whose sides are too long, for each time that they are, or whose normals turn too far, by the share that does.
 const TOO_LARGE: f64 = 50.0;
+
+/// Distance of a patch from its triangles, in diagonals, beyond which it is too large to follow them.
+const FAR: f64 = 6e-4;
 
 /// Cosine of the angle from the mean normal of a patch beyond which a normal turns too far.
 const TURNED: f64 = 0.5;
@@ -56,6 +60,7 @@ struct Recut {
     costs: Vec<f64>,
     /// Longest side of a patch.
     longest: f64,
+    fit: Option<PatchFit>,
     /// Groups that gain nothing.
     refused: BTreeSet<Vec<usize>>,
 }
@@ -64,7 +69,14 @@ impl Patchwork {
     /// Cuts groups of patches anew as long as that gains; no side gets longer than `longest` unless all are.
     pub(super) fn recut(self, longest: f64) -> Self {
         let n = self.polygons.len();
-        let mut recut = Recut { work: self, angles: Vec::new(), costs: Vec::new(), longest, refused: BTreeSet::new() };
+        let mut recut = Recut {
+            work: self,
+            angles: Vec::new(),
+            costs: Vec::new(),
+            longest,
+            fit: PatchFit::new().ok(),
+            refused: BTreeSet::new(),
+        };
         for number in 0..n {
             recut.measure(number);
         }
@@ -100,7 +112,9 @@ impl Recut {
     fn judged(&self, sides: &[Vec<u32>; 4], faces: &[[u32; 3]]) -> ([f64; 4], f64) {
         let (angles, lengths) = self.work.corners_and_sides(sides, faces);
         let longest = lengths.iter().copied().fold(0.0, f64::max);
-        let too_large = (longest / self.longest - 1.0).max(0.0) + self.turned(faces);
+        let far = self.fit.as_ref().and_then(|fit| fit.error(&self.work.points, faces, sides)).unwrap_or(0.0);
+        let beyond = |ratio: f64| (ratio - 1.0).max(0.0);
+        let too_large = beyond(longest / self.longest) + beyond(far / FAR) + self.turned(faces);
         (angles, cost(angles, lengths) + TOO_LARGE * too_large)
     }
 

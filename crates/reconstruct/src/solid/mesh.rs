@@ -3,7 +3,7 @@
 use deviation::CurvedTriangles;
 use geom_io::Scan;
 use point_cloud::vec3::{box_of, cross, dot, norm, sub};
-use point_cloud::{EdgeMap, TriangleMesh, TriangleTree, merge_duplicate_vertices};
+use point_cloud::{EdgeMap, TriangleMesh, TriangleTree, barycentric_in_plane, merge_duplicate_vertices};
 use quad_layout::CreaseRule;
 
 use crate::Error;
@@ -67,6 +67,28 @@ impl SolidMesh {
         // A facet is looked at from above; from beside it nothing lies between.
         let beside = (nearest.squared_distance - height * height).max(0.0).sqrt();
         if is_between { beside } else { nearest.squared_distance.sqrt().min(to_curved) }
+    }
+
+    /// The facet nearest to a point of the surface, and the barycentric coordinates of the point there; of facets about as near one that
+    /// faces as `like` does, since thin walls have another sheet at no distance.
+    pub(super) fn facet_at(&self, point: [f64; 3], like: [f64; 3]) -> (usize, [f64; 3]) {
+        let nearest = self.tree.nearest(point);
+        let agrees = |triangle: u32| dot(self.curved.facet_normal(triangle as usize), like);
+        let mut best = nearest.triangle;
+        if agrees(best) <= 0.0 {
+            self.tree.for_each_within(point, nearest.squared_distance.sqrt() + AS_NEAR * self.diagonal, |triangle| {
+                if agrees(triangle) > agrees(best) {
+                    best = triangle;
+                }
+            });
+        }
+        if best == nearest.triangle {
+            return (best as usize, nearest.barycentric);
+        }
+        let weights = barycentric_in_plane(point, self.curved.corners(best as usize)).unwrap_or(MIDDLE);
+        let kept = weights.map(|w| w.max(0.0));
+        let all: f64 = kept.iter().sum();
+        (best as usize, kept.map(|w| w / all))
     }
 
     /// The volume that the triangles enclose, if they are closed.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use deviation::CREASE_DEGREES;
-use multi_patch::{Fitted, Surface};
+use multi_patch::{Fitted, Problem, Surface};
 use quad_layout::QuadLayout;
 use thb_core::MultiPatchSpace;
 
@@ -57,7 +57,14 @@ impl Part<'_> {
             diagonal: mesh.diagonal,
             ..multi_patch::Options::default()
         };
-        let fitted = multi_patch::fit(&space, &sharp, samples, &fit_options)?;
+        let problem = Problem {
+            space: &space,
+            sharp: &sharp,
+            sizes: &layout.sizes(),
+            samples,
+            outward: &|point, normal| mesh.outward(point, normal),
+        };
+        let fitted = multi_patch::fit(problem, &fit_options)?;
         let _ = watch(Event::Step("measuring"));
         let report = report::measured(path, mesh, layout, &sharp, &fitted, options);
         let Fitted { surface, samples, distances, .. } = fitted;

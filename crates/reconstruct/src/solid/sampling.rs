@@ -2,14 +2,14 @@
 
 use multi_patch::Sample;
 use point_cloud::barycentric_in_plane;
-use point_cloud::vec3::{add, dot, norm, scale, sub};
-use quad_layout::{Locator, QuadLayout};
+use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
+use quad_layout::QuadLayout;
 use rayon::prelude::*;
 use thb_core::{CellSpace, MultiPatchSpace, PatchPlace, side_point};
 
 use super::mesh::SolidMesh;
 
-/// Samples of the area for each cell of the space, in the mean.
+/// Samples of the area for each cell of the space, in the mean of each patch.
 ///
 /// Limit: more than the 16 functions of a bicubic cell, so that data decide.
 const PER_CELL: usize = 24;
@@ -34,13 +34,10 @@ const CREASE_WIDTH: f64 = 0.2;
 /// Limit: round-off, which may lift a point of an edge off its facet.
 const INTO: f64 = 1e-2;
 
-/// All samples, first those of the area, triangle by triangle, then those of arcs that are sharp or outlines.
+/// All samples, first those of the area, patch by patch, then those of arcs that are sharp or outlines.
 pub(super) fn samples(mesh: &SolidMesh, layout: &QuadLayout, sharp: &[bool], space: &MultiPatchSpace) -> Vec<Sample> {
-    let locator = Locator::new(layout, mesh.diagonal);
-    let part = mesh.area / (PER_CELL * space.n_cells()) as f64;
-    let triangles = 0..mesh.curved.triangles().len();
-    let mut samples: Vec<Sample> =
-        triangles.into_par_iter().flat_map_iter(|triangle| of_triangle(mesh, &locator, triangle, part)).collect();
+    let of_patch = |patch: usize| of_patch(mesh, layout, patch, PER_CELL * space.cells_of_patch(patch).len());
+    let mut samples: Vec<Sample> = (0..layout.patches().len()).into_par_iter().flat_map_iter(of_patch).collect();
     let topology = layout.topology();
     let size = (mesh.area / space.n_cells() as f64).sqrt();
     for arc in (0..sharp.len()).filter(|&arc| sharp[arc] || topology.uses(arc).len() == 1) {
@@ -49,30 +46,51 @@ pub(super) fn samples(mesh: &SolidMesh, layout: &QuadLayout, sharp: &[bool], spa
     samples
 }
 
-/// Samples in the middles of equal parts of a triangle, about as large as `part`.
-fn of_triangle(mesh: &SolidMesh, locator: &Locator<'_>, triangle: usize, part: f64) -> Vec<Sample> {
-    let area = mesh.curved.areas()[triangle];
-    if area <= 0.0 {
-        return Vec::new();
-    }
-    let parts = ((area / part).sqrt().ceil() as usize).clamp(1, MOST_PARTS);
-    let (step, normal) = (1.0 / parts as f64, mesh.curved.facet_normal(triangle));
-    let mut samples = Vec::with_capacity(parts * parts);
-    let mut add_at = |a: f64, b: f64| {
-        let w = [a * step, b * step, 1.0 - (a + b) * step];
-        let place = locator.locate(mesh.curved.on_facet(triangle, w), normal).place;
-        let point = mesh.curved.on_curved(triangle, w);
-        samples.push(Sample { point, normal, weight: area * step * step, place, arc: None });
-    };
-    for i in 0..parts {
-        for j in 0..parts - i {
-            add_at(i as f64 + 1.0 / 3.0, j as f64 + 1.0 / 3.0);
-            if i + j + 1 < parts {
-                add_at(i as f64 + 2.0 / 3.0, j as f64 + 2.0 / 3.0);
-            }
+/// About `count` samples of a patch, or one for each of its triangles: of these the middles of equal parts, on the curved triangles of
+/// the mesh. However small a patch is, it has data of its own.
+fn of_patch(mesh: &SolidMesh, layout: &QuadLayout, patch: usize, count: usize) -> Vec<Sample> {
+    let of = &layout.patches()[patch];
+    let corners: Vec<[[f64; 3]; 3]> =
+        (0..of.triangles.len()).map(|triangle| layout.triangle(patch, triangle)).collect();
+    let area_vectors: Vec<[f64; 3]> =
+        corners.iter().map(|[p, q, r]| scale(0.5, cross(sub(*q, *p), sub(*r, *p)))).collect();
+    let part = area_vectors.iter().map(|area| norm(*area)).sum::<f64>() / count as f64;
+    let mut samples = Vec::with_capacity(count);
+    for ((triangle, corners), area_vector) in of.triangles.iter().zip(&corners).zip(&area_vectors) {
+        let area = norm(*area_vector);
+        if area <= 0.0 {
+            continue;
+        }
+        let uv = triangle.map(|v| of.uv[v as usize]);
+        let parts = ((area / part).sqrt().ceil() as usize).clamp(1, MOST_PARTS);
+        for w in middles(parts) {
+            let point = (0..3).fold([0.0; 3], |sum, k| add(sum, scale(w[k], corners[k])));
+            let u = [0, 1].map(|d| (0..3).map(|k| w[k] * uv[k][d]).sum::<f64>().clamp(0.0, 1.0));
+            let (facet, weights) = mesh.facet_at(point, *area_vector);
+            samples.push(Sample {
+                point: mesh.curved.on_curved(facet, weights),
+                normal: mesh.curved.facet_normal(facet),
+                weight: area / (parts * parts) as f64,
+                place: PatchPlace { patch: patch as u32, u },
+                arc: None,
+            });
         }
     }
     samples
+}
+
+/// Barycentric coordinates of the middles of `parts`² equal parts of a triangle.
+fn middles(parts: usize) -> impl Iterator<Item = [f64; 3]> {
+    let step = 1.0 / parts as f64;
+    let at = move |i: usize, j: usize, third: f64| {
+        let [a, b] = [i, j].map(|k| (k as f64 + third) * step);
+        [a, b, 1.0 - a - b]
+    };
+    let rows = (0..parts).flat_map(move |i| (0..parts - i).map(move |j| [i, j]));
+    rows.flat_map(move |[i, j]| {
+        let upright = at(i, j, 1.0 / 3.0);
+        [Some(upright), (i + j + 1 < parts).then(|| at(i, j, 2.0 / 3.0))].into_iter().flatten()
+    })
 }
 
 /// `count` samples along an arc, between its ends, together weighing as much as a strip of a width.

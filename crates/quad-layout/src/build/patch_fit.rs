@@ -1,0 +1,60 @@
+//! How well one smooth patch follows triangles.
+
+use std::sync::Arc;
+
+use fit_ls::{Lambda, LeastSquares};
+use ndarray::{Array1, Array2};
+use point_cloud::vec3::{add, cross, norm, scale, sub};
+use thb_core::{HierarchicalSpace, Kind, KnotVector};
+
+use super::disk::Disk;
+
+/// Degree of the patch, and elements along each side.
+///
+/// Derived: what whole parts are fitted with unasked.
+const DEGREE: usize = 3;
+const ELEMENTS: usize = 4;
+
+/// Weight of the thin-plate energy, in units in which the part's diagonal and the patch's domain are 1.
+///
+/// Derived: what whole parts are fitted with unasked.
+const PLATES: f64 = 1e-6;
+
+/// Fits patches one by one.
+#[derive(Debug)]
+pub(super) struct PatchFit {
+    space: Arc<HierarchicalSpace<2>>,
+}
+
+impl PatchFit {
+    pub(super) fn new() -> Result<Self, thb_core::Error> {
+        let knots = KnotVector::uniform(DEGREE, ELEMENTS)?;
+        Ok(Self { space: Arc::new(HierarchicalSpace::new(Kind::Thb, [knots.clone(), knots])?) })
+    }
+
+    /// The root of the mean square by area of distances of triangles from a patch fitted to them, at their places in a map onto the
+    /// square; none if they are no disk with these sides.
+    pub(super) fn error(&self, points: &[[f64; 3]], faces: &[[u32; 3]], sides: &[Vec<u32>; 4]) -> Option<f64> {
+        let disk = Disk::on_square(points, faces, sides)?;
+        let (mut at, mut places, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+        for face in &disk.faces {
+            let [p, q, r] = face.map(|v| disk.points[v as usize]);
+            at.push(scale(1.0 / 3.0, add(add(p, q), r)));
+            let uv = face.map(|v| disk.uv[v as usize]);
+            places.push([0, 1].map(|d| (uv[0][d] + uv[1][d] + uv[2][d]) / 3.0));
+            weights.push(norm(cross(sub(q, p), sub(r, p))).max(f64::MIN_POSITIVE));
+        }
+        let all: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|weight| *weight /= all);
+        let (places, at) = (Array2::from(places), Array2::from(at));
+        let options = fit_ls::Options { lambda: Lambda::Fixed(PLATES), ..fit_ls::Options::default() };
+        let weights = Array1::from(weights);
+        let mut fit = LeastSquares::new(places.view(), at.view(), Some(weights.view()), options).ok()?;
+        let map = fit.fit(&self.space).ok()?;
+        let distances = fit.distances(&map).ok()?.to_vec();
+        let order = fit.points().order();
+        let sum: f64 =
+            distances.iter().zip(order).map(|(distance, &i)| weights[i as usize] * distance * distance).sum();
+        Some(sum.sqrt())
+    }
+}
