@@ -19,6 +19,9 @@ const STIFFER: f64 = 3.0;
 /// Calibrated: on `part` two in a row leave more before the third leaves fewer.
 const UNFOLDINGS_IN_VAIN: usize = 3;
 
+/// Most Gauss–Newton steps between two looks at what turns over.
+const STEPS: usize = 2;
+
 impl Fit<'_> {
     /// Where the surface turns over, cells and those around are made stiffer until it does so nowhere, or that no longer helps.
     pub(crate) fn unfold(
@@ -33,13 +36,14 @@ impl Fit<'_> {
         let mut best = (now.iter().sum::<usize>(), self.coefficients.clone(), self.samples.clone());
         let mut stiffness = vec![1.0; self.space.n_functions()];
         let mut in_vain = 0;
+        let few = Options { angle_steps: options.angle_steps.min(STEPS), ..options.clone() };
         while best.0 > 0 && in_vain < UNFOLDINGS_IN_VAIN {
             let cells = (0..now.len()).filter(|&cell| now[cell] > 0);
             let functions: BTreeSet<u32> =
                 cells.flat_map(|cell| self.space.cell(cell).functions.iter().copied()).collect();
             functions.into_iter().for_each(|function| stiffness[function as usize] *= STIFFER);
             self.plates.set_stiffness(self.space, &stiffness);
-            self.second_stage(options)?;
+            self.second_stage(&few)?;
             now = turned(self)?;
             let places = now.iter().sum();
             tracing::info!(places, "unfolding");

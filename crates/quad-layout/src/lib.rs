@@ -3,7 +3,7 @@
 //!
 //! A [`QuadLayout`] is made of patches given by corners, paths of vertices between them, and triangles with parameters. It is checked
 //! whole: patches are glued path to path ([`thb_core::PatchTopology`]), and patches whose triangles fold in the parameters are mapped anew.
-//! [`QuadLayout::of_mesh`] makes one of a closed mesh alone. [`Locator`] finds the place of a point; [`QuadLayout::sharp_arcs`] tells where the surface itself has a crease.
+//! [`QuadLayout::of_mesh`] makes one of a closed mesh alone. [`QuadLayout::sharp_arcs`] tells where the surface itself has a crease.
 //!
 //! The crate reads no file and knows nothing of how the surface is fitted.
 
@@ -15,11 +15,9 @@ mod edge;
 mod error;
 mod injective;
 mod layout;
-mod locate;
 mod patch;
 
 pub use build::{BuildOptions, CreaseRule, creases};
 pub use error::LayoutError;
 pub use layout::{QuadLayout, RawPatch};
-pub use locate::{Locator, Spot};
 pub use patch::LayoutPatch;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use quad_layout::{LayoutError, Locator, QuadLayout, RawPatch};
+use quad_layout::{LayoutError, QuadLayout, RawPatch};
 
 /// Vertices along a side of a face, less one.
 const N: u32 = 6;
@@ -102,18 +102,11 @@ fn a_cube_is_sharp_along_its_edges_and_a_sphere_is_not() {
 }
 
 #[test]
-fn points_are_found_on_the_sheet_that_faces_their_way() {
+fn sizes_are_mean_lengths_of_opposite_sides() {
     let (vertices, patches) = cube();
-    let layout = QuadLayout::new(vertices, patches).unwrap();
-    // A plate, a hundredth as thick as it is wide.
-    let layout = layout.moved(|p| [p[0], p[1], 0.01 * p[2]]);
-    let locator = Locator::new(&layout, 2.0 * 2.0_f64.sqrt());
-    for (normal, face) in [([0.0, 0.0, 1.0], 2), ([0.0, 0.0, -1.0], 5)] {
-        // Nearer to the upper sheet.
-        let spot = locator.locate([0.3, -0.2, 0.004], normal);
-        assert_eq!(spot.place.patch as usize, face);
-        let found = on_cube(face, spot.place.u);
-        assert!((found[0] - 0.3).abs() < 1e-9 && (found[1] + 0.2).abs() < 1e-9, "{found:?}");
+    let layout = QuadLayout::new(vertices, patches).unwrap().moved(|p| [p[0], p[1], 0.25 * p[2]]);
+    for (size, expected) in layout.sizes().into_iter().zip([[2.0, 0.5], [0.5, 2.0], [2.0, 2.0]].into_iter().cycle()) {
+        assert!((0..2).all(|d| (size[d] - expected[d]).abs() < 1e-12), "{:?}", layout.sizes());
     }
 }
 

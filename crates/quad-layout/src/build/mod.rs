@@ -44,11 +44,14 @@ pub struct BuildOptions {
     pub radius: f64,
     /// Which edges are creases.
     pub creases: CreaseRule,
+    /// Whether neighbouring patches are cut anew where that makes fewer or better ones. Patches are smaller and follow a part more
+    /// closely without.
+    pub cut_anew: bool,
 }
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { radius: 0.25, creases: CreaseRule::Auto }
+        Self { radius: 0.25, creases: CreaseRule::Auto, cut_anew: true }
     }
 }
 
@@ -58,7 +61,9 @@ impl Default for BuildOptions {
 const ROUNDS: usize = 4;
 
 /// Rounds in which patches are cut anew, and their borders drawn straight.
-const RECUTS: usize = 3;
+///
+/// Limit: a third takes as long as the second; on `homer` it lowers the costs by 0.3 %, the second by 4 %.
+const RECUTS: usize = 2;
 
 /// Longest side of a patch, in radii of regions.
 const LONGEST: f64 = 1.6;
@@ -77,7 +82,7 @@ impl QuadLayout {
         let tries = [true, false].map(|spans_narrow| (spans_narrow, mesh.clone()));
         let mut failure = LayoutError::NoMesh;
         for (spans_narrow, mesh) in tries {
-            match cut(Plan::new(mesh, options.radius, spans_narrow), LONGEST * options.radius) {
+            match cut(Plan::new(mesh, options.radius, spans_narrow), options) {
                 Ok(work) => return Ok(finished(work)?.moved(|p| add(centre, scale(diagonal, p)))),
                 Err(error) => failure = error,
             }
@@ -100,7 +105,7 @@ pub fn creases(
 }
 
 /// The patches of a plan. Regions that cannot be cut are parted.
-fn cut(mut plan: Plan, longest: f64) -> Result<Patchwork, LayoutError> {
+fn cut(mut plan: Plan, options: &BuildOptions) -> Result<Patchwork, LayoutError> {
     let mut left = Vec::new();
     for _ in 0..ROUNDS {
         let mut work = plan.patchwork()?;
@@ -108,7 +113,7 @@ fn cut(mut plan: Plan, longest: f64) -> Result<Patchwork, LayoutError> {
         let choice = choose::choose(&work);
         match patches::patches(&mut work, &choice) {
             Ok(patches) => {
-                let work = improved(work, patches, longest);
+                let work = improved(work, patches, options);
                 tracing::info!(
                     regions = choice.cuts.len(),
                     patches = work.polygons.len(),
@@ -124,13 +129,13 @@ fn cut(mut plan: Plan, longest: f64) -> Result<Patchwork, LayoutError> {
     Err(LayoutError::NotCut { regions: left.len(), reason: "their parts are no disks" })
 }
 
-/// Patches drawn anew as regions are, and cut anew.
-fn improved(work: Patchwork, patches: Vec<RawPatch>, longest: f64) -> Patchwork {
+/// Patches drawn anew as regions are, and cut anew if that is asked for.
+fn improved(work: Patchwork, patches: Vec<RawPatch>, options: &BuildOptions) -> Patchwork {
     let sharp = Plan::sharp_edges(&work);
     let mut work = Patchwork::of_patches(work.points, patches, &sharp);
     work.straighten();
-    for _ in 0..RECUTS {
-        work = work.recut(longest);
+    for _ in 0..if options.cut_anew { RECUTS } else { 0 } {
+        work = work.recut(LONGEST * options.radius);
         work.straighten();
     }
     work

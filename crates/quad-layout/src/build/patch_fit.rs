@@ -58,3 +58,46 @@ impl PatchFit {
         Some(sum.sqrt())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square sheet of `n` × `n` quads cut in two, and its sides.
+    fn sheet(n: u32, height: impl Fn(f64, f64) -> f64) -> (Vec<[f64; 3]>, Vec<[u32; 3]>, [Vec<u32>; 4]) {
+        let at = |i: u32, j: u32| j * (n + 1) + i;
+        let points = (0..(n + 1).pow(2)).map(|k| {
+            let [x, y] = [k % (n + 1), k / (n + 1)].map(|i| f64::from(i) / f64::from(n));
+            [0.1 * x, 0.1 * y, 0.1 * height(x, y)]
+        });
+        let quads = (0..n * n).map(|k| [k % n, k / n]);
+        let faces = quads.flat_map(|[i, j]| {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        let side = |of: &dyn Fn(u32) -> u32| (0..=n).map(of).collect();
+        let sides = [side(&|k| at(k, 0)), side(&|k| at(n, k)), side(&|k| at(n - k, n)), side(&|k| at(0, n - k))];
+        (points.collect(), faces.collect(), sides)
+    }
+
+    #[test]
+    fn a_plane_is_met_and_a_ridge_is_not() {
+        let fit = PatchFit::new().unwrap();
+        let error = |height: &dyn Fn(f64, f64) -> f64| {
+            let (points, faces, sides) = sheet(20, height);
+            fit.error(&points, &faces, &sides).unwrap()
+        };
+        assert!(error(&|x, y| 0.3 * x - 0.2 * y) < 1e-12);
+        // A roof of 45°: a spline of four elements rounds the ridge by some percent of an element.
+        let ridge = error(&|x, _| (x - 0.4).abs());
+        assert!((1e-4..1e-2).contains(&ridge), "{ridge}");
+        assert!(error(&|x, y| 0.1 * (x * x + y * y)) < 0.1 * ridge);
+    }
+
+    #[test]
+    fn what_is_no_disk_has_no_error() {
+        let (points, mut faces, sides) = sheet(4, |_, _| 0.0);
+        faces.remove(10);
+        assert_eq!(PatchFit::new().unwrap().error(&points, &faces, &sides), None);
+    }
+}
