@@ -24,6 +24,7 @@ mod refine;
 mod regions;
 mod rungs;
 mod straighten;
+mod tidy_up;
 mod trace;
 
 use std::collections::BTreeSet;
@@ -132,7 +133,7 @@ fn cut(mut plan: Plan, options: &BuildOptions) -> Result<Patchwork, LayoutError>
 /// Patches drawn anew as regions are, and cut anew if that is asked for.
 fn improved(work: Patchwork, patches: Vec<RawPatch>, options: &BuildOptions) -> Patchwork {
     let sharp = Plan::sharp_edges(&work);
-    let mut work = Patchwork::of_patches(work.points, patches, &sharp);
+    let mut work = Patchwork::of_patches(work.points, work.given, patches, &sharp);
     work.straighten();
     for _ in 0..if options.cut_anew { RECUTS } else { 0 } {
         work = work.recut(LONGEST * options.radius);

@@ -40,6 +40,8 @@ pub(super) struct Side {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Patchwork {
     pub(super) points: Vec<[f64; 3]>,
+    /// Number of points before borders were drawn.
+    pub(super) given: usize,
     /// Triangles of each region.
     pub(super) faces: Vec<Vec<[u32; 3]>>,
     pub(super) borders: Vec<Border>,
@@ -65,7 +67,8 @@ impl Patchwork {
                 }
             }
         }
-        let mut work = Self { points: mesh.points.clone(), faces, borders: Vec::new(), polygons: Vec::new() };
+        let (points, given) = (mesh.points.clone(), mesh.points.len());
+        let mut work = Self { points, given, faces, borders: Vec::new(), polygons: Vec::new() };
         let mut known: BTreeMap<(u32, u32), Side> = BTreeMap::new();
         let mut bare = Vec::new();
         for (region, next) in next.iter().enumerate() {
@@ -96,8 +99,13 @@ impl Patchwork {
     }
 
     /// Patches as polygons of a surface whose sharp edges are known.
-    pub(super) fn of_patches(points: Vec<[f64; 3]>, patches: Vec<RawPatch>, sharp: &BTreeSet<[u32; 2]>) -> Self {
-        let mut work = Self { points, ..Self::default() };
+    pub(super) fn of_patches(
+        points: Vec<[f64; 3]>,
+        given: usize,
+        patches: Vec<RawPatch>,
+        sharp: &BTreeSet<[u32; 2]>,
+    ) -> Self {
+        let mut work = Self { points, given, ..Self::default() };
         let mut known: BTreeMap<(u32, u32), Side> = BTreeMap::new();
         for (region, patch) in patches.into_iter().enumerate() {
             let sides = patch.paths.into_iter().map(|path| work.side(&mut known, path, region, sharp)).collect();

@@ -95,7 +95,7 @@ impl Patchwork {
         let mut faces = std::mem::take(&mut self.faces);
         let raw = |number: usize| patch(self.sides_of(number), std::mem::take(&mut faces[number]));
         let patches: Vec<RawPatch> = there.into_iter().map(raw).collect();
-        Self::of_patches(std::mem::take(&mut self.points), patches, &sharp)
+        Self::of_patches(std::mem::take(&mut self.points), self.given, patches, &sharp)
     }
 }
 
@@ -159,6 +159,7 @@ impl Recut {
                 }
             }
         }
+        self.work.tidy_up();
         !touched.is_empty()
     }
 

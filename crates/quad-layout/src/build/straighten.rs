@@ -46,6 +46,7 @@ impl Patchwork {
                     });
                 }
             }
+            self.tidy_up();
         }
         self.lengthen_borders();
     }
