@@ -6,8 +6,8 @@
 //! (1/W) Σ_m w_m |S(u_m) − x_m|²  +  (μ/P) Σ_patches ∫ |S_uu|²/r² + 2 |S_uv|² + r² |S_vv|²  +  (ω h)² (1/n_E) Σ_smooth arcs Σ_k w_k θ_k²
 //! ```
 //!
-//! with W = Σ w_m, P patches, r the ratio of a patch's length to its width, n_E smooth arcs, θ the sine of the angle between the tangent planes on both sides of an arc, and h the
-//! size of an element. Each sum is a term with a file of its own in `terms/`. Patches meet without gaps by the numbering of their
+//! with W = Σ w_m, P patches, r the ratio of a patch's length to its width, n_E smooth arcs, θ the sine of the angle between the tangent planes on both sides of an arc, and h
+//! three times the size of an element. Each sum is a term with a file of its own in `terms/`. Patches meet without gaps by the numbering of their
 //! functions; the last sum makes them meet without a kink, but for arcs that are told to be sharp.
 //!
 //! [`fit`] runs the two stages: first a linear form of the angle term, coordinate by coordinate, while μ falls and parameters follow the

@@ -32,9 +32,7 @@ pub struct AngleReport {
 
 /// Angles between oriented normals at places along all arcs that have two patches and are not `sharp`.
 pub fn angles(surface: &Surface, sharp: &[bool]) -> AngleReport {
-    let space = surface.space().as_ref();
-    let smooth: Vec<usize> =
-        (0..sharp.len()).filter(|&arc| !sharp[arc] && space.topology().uses(arc).len() == 2).collect();
+    let smooth = smooth_arcs(surface, sharp);
     let of_arcs: Vec<Vec<f64>> = smooth.par_iter().map(|&arc| angles_along(surface, arc)).collect();
     let at_vertices = of_arcs.iter().flat_map(|of_arc| [of_arc[0], of_arc[PLACES - 1]]).fold(0.0, f64::max);
     let mut all: Vec<f64> = of_arcs.into_iter().flatten().collect();
@@ -44,21 +42,39 @@ pub fn angles(surface: &Surface, sharp: &[bool]) -> AngleReport {
     AngleReport { max, p99, at_vertices, arcs: smooth.len() }
 }
 
+/// Arcs between two patches that are not sharp.
+fn smooth_arcs(surface: &Surface, sharp: &[bool]) -> Vec<usize> {
+    let topology = surface.space().topology();
+    (0..sharp.len()).filter(|&arc| !sharp[arc] && topology.uses(arc).len() == 2).collect()
+}
+
 fn angles_along(surface: &Surface, arc: usize) -> Vec<f64> {
-    let uses = surface.space().topology().uses(arc);
     let angle = |k: usize| {
-        let t = k as f64 / (PLACES - 1) as f64;
-        let normals: Vec<[f64; 3]> = uses
-            .iter()
-            .map(|on| {
-                let u = side_point(on.side, if on.reversed { 1.0 - t } else { t });
-                normal_at(surface, PatchPlace { patch: on.patch, u })
-            })
-            .collect();
-        let [a, b] = [normals[0], normals[1]];
+        let [a, b] = beside(surface, arc, k).map(|place| normal_at(surface, place));
         norm(cross(a, b)).atan2(dot(a, b)).to_degrees()
     };
     (0..PLACES).map(angle).collect()
+}
+
+/// The k-th place along an arc, on the patches of both its sides.
+fn beside(surface: &Surface, arc: usize, k: usize) -> [PatchPlace; 2] {
+    let uses = surface.space().topology().uses(arc);
+    let t = k as f64 / (PLACES - 1) as f64;
+    [uses[0], uses[1]].map(|on| {
+        let u = side_point(on.side, if on.reversed { 1.0 - t } else { t });
+        PatchPlace { patch: on.patch, u }
+    })
+}
+
+/// The cells on both sides of places along smooth arcs at which one of them is turned over, each as often as it has such places.
+pub(crate) fn turned_over(surface: &Surface, sharp: &[bool]) -> Vec<usize> {
+    let of_arc = |arc: usize| {
+        let angles = angles_along(surface, arc);
+        let turned = (0..PLACES).filter(|&k| angles[k] >= 90.0);
+        let cells = turned.flat_map(|k| beside(surface, arc, k)).filter_map(|place| surface.space().locate(place).ok());
+        cells.collect::<Vec<usize>>()
+    };
+    smooth_arcs(surface, sharp).into_par_iter().flat_map_iter(of_arc).collect()
 }
 
 fn area_vector(surface: &Surface, cell: usize, u: [f64; 2]) -> [f64; 3] {

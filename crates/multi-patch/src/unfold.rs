@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use thb_core::CellSpace;
 
 use crate::fit::Fit;
-use crate::measure::turned_places;
+use crate::measure::{turned_over, turned_places};
 use crate::{Error, Options};
 
 /// What the stiffness of functions is multiplied by where the surface turns over.
@@ -30,7 +30,10 @@ impl Fit<'_> {
         options: &Options,
     ) -> Result<(), Error> {
         let turned = |fit: &Self| -> Result<Vec<usize>, Error> {
-            Ok(turned_places(&fit.surface(&fit.coefficients, options.diagonal)?, outward))
+            let surface = fit.surface(&fit.coefficients, options.diagonal)?;
+            let mut turned = turned_places(&surface, outward);
+            turned_over(&surface, fit.sharp).into_iter().for_each(|cell| turned[cell] += 1);
+            Ok(turned)
         };
         let mut now = turned(self)?;
         let mut best = (now.iter().sum::<usize>(), self.coefficients.clone(), self.samples.clone());

@@ -265,6 +265,8 @@ fn reason_of_solid(reason: &SolidReason) -> Reason {
         SolidReason::NotWithin { of: "mesh", share, asked } => (deviation::SCAN_NOT_WITHIN, share, asked),
         SolidReason::NotWithin { share, asked, .. } => ("surface-not-within", share, asked),
         SolidReason::Folded { places, .. } => ("folded", places as f64, 0.0),
+        SolidReason::TooFar { of: "mesh", distance, limit } => ("scan-too-far", distance, limit),
+        SolidReason::TooFar { distance, limit, .. } => ("surface-too-far", distance, limit),
         SolidReason::TurnedOver { angle } => ("turned-over", angle, TURNED_OVER),
     };
     Reason { code: code.into(), verdict: Verdict::Failed, text: reason.to_string(), figure, limit, place: None }

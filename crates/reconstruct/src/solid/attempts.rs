@@ -3,13 +3,13 @@
 use quad_layout::{BuildOptions, QuadLayout};
 
 use super::part::{Attempt, ELEMENTS, Part};
-use super::report::SolidReason;
+use super::report::{SolidReason, SolidReport};
 use crate::{Error, Event, Watch};
 
-/// Radii of regions that are tried, as shares of the diagonal.
+/// Radii of regions that are tried, as shares of the diagonal, in this order.
 ///
-/// Limit: the first fits ten smooth shapes without folds; the others are not calibrated yet.
-const RADII: [f64; 3] = [0.25, 0.19, 0.14];
+/// Calibrated: `thb fit PART.off` on 22 closed meshes. With 0.5 eight have their fewest faces, with 0.35 nine, five need smaller ones.
+const RADII: [f64; 5] = [0.5, 0.35, 0.25, 0.19, 0.14];
 
 /// Most elements along a side that are tried unasked.
 ///
@@ -27,31 +27,35 @@ struct Tried {
     attempt: Attempt,
 }
 
-/// The first fit that is near enough and folds nowhere, else the best of all: at each radius of patches cut anew first, then of those
-/// that are not; at last, with more elements, of the best layout.
+/// The fit with the fewest faces of the first two radii whose patches, cut anew or not, are near enough and fold nowhere; else the best of
+/// all, with more elements at last.
 ///
 /// # Errors
 /// [`Error`], where no fit at all succeeds.
 pub(super) fn best(part: &Part<'_>, watch: &mut Watch<'_>) -> Result<Attempt, Error> {
-    let creases = part.options.sharp.rule();
     let mut best: Option<Tried> = None;
     let mut failure = None;
-    for (radius, cut_anew) in RADII.into_iter().flat_map(|radius| [(radius, true), (radius, false)]) {
-        let _ = watch(Event::Step("cutting into patches"));
-        let curved = &part.mesh.curved;
-        let options = BuildOptions { radius, creases, cut_anew };
-        let layout = QuadLayout::of_mesh(curved.vertices(), curved.triangles(), &options).map_err(Error::from);
-        match layout.and_then(|layout| Ok(Tried { attempt: near_enough(part, &layout, watch)?, layout })) {
-            Ok(tried) if tried.attempt.is_reached() => return Ok(tried.attempt),
-            Ok(tried) if best.as_ref().is_none_or(|best| is_better(&tried.attempt, &best.attempt)) => {
-                best = Some(tried)
+    for radius in RADII {
+        let had_reached = best.as_ref().is_some_and(|best| best.attempt.is_reached());
+        for cut_anew in [true, false] {
+            match tried(part, radius, cut_anew, watch) {
+                Ok(tried) => {
+                    if best.as_ref().is_none_or(|best| is_better(&tried.attempt, &best.attempt)) {
+                        best = Some(tried);
+                    }
+                }
+                Err(error) => failure = failure.or(Some(error)),
             }
-            Ok(_) => {}
-            Err(error) => failure = failure.or(Some(error)),
+            if best.as_ref().is_some_and(|best| best.attempt.is_reached()) {
+                break;
+            }
+        }
+        if had_reached {
+            break;
         }
     }
     let Some(mut best) = best else { return Err(failure.unwrap_or(Error::NoTriangles)) };
-    if part.options.elements.is_none() && !best.attempt.is_only_far() {
+    if part.options.elements.is_none() && !best.attempt.is_reached() && !best.attempt.is_only_far() {
         for elements in FINER {
             // What was fitted stays where a finer space cannot be.
             let Ok(finer) = part.attempt(&best.layout, elements, watch) else { break };
@@ -64,6 +68,15 @@ pub(super) fn best(part: &Part<'_>, watch: &mut Watch<'_>) -> Result<Attempt, Er
         }
     }
     Ok(best.attempt)
+}
+
+/// A fit on a layout of one radius.
+fn tried(part: &Part<'_>, radius: f64, cut_anew: bool, watch: &mut Watch<'_>) -> Result<Tried, Error> {
+    let _ = watch(Event::Step("cutting into patches"));
+    let curved = &part.mesh.curved;
+    let options = BuildOptions { radius, creases: part.options.sharp.rule(), cut_anew };
+    let layout = QuadLayout::of_mesh(curved.vertices(), curved.triangles(), &options)?;
+    Ok(Tried { attempt: near_enough(part, &layout, watch)?, layout })
 }
 
 /// The best fit on a layout, with twice as many elements as long as it is too far from the mesh: that undoes no fold.
@@ -88,13 +101,18 @@ impl Attempt {
 
     /// Whether nothing else is wrong than the distance.
     fn is_only_far(&self) -> bool {
-        self.report.reasons.iter().all(|why| matches!(why, SolidReason::NotWithin { .. }))
+        self.report.reasons.iter().all(|why| matches!(why, SolidReason::NotWithin { .. } | SolidReason::TooFar { .. }))
     }
 }
 
-/// Whether a fit is better than another: by whether it is what was asked for, by how much folds, by the distance.
+/// Whether a fit is better than another: by whether it is what was asked for, by how much folds, by the number of faces where neither does,
+/// by the distance.
 fn is_better(attempt: &Attempt, than: &Attempt) -> bool {
-    let rank = |of: &Attempt| (!of.is_reached(), of.report.folded_faces.len(), of.report.folded_places);
+    let rank = |of: &Attempt| {
+        let SolidReport { folded_faces, folded_places, layout, .. } = &of.report;
+        let faces = if of.is_reached() { layout.faces } else { 0 };
+        (!of.is_reached(), folded_faces.len(), *folded_places, faces)
+    };
     let far = |of: &Attempt| of.report.mesh_to_surface.p99.max(of.report.surface_to_mesh.p99);
     rank(attempt).cmp(&rank(than)).then(far(attempt).total_cmp(&far(than))).is_lt()
 }

@@ -19,6 +19,11 @@ use super::mesh::SolidMesh;
 /// Derived: half of 180°; where faces meet smoothly the angle is far below 10°.
 pub(crate) const TURNED_OVER: f64 = 90.0;
 
+/// Largest distance anywhere, in tolerances.
+///
+/// Derived: a lost detail is no less lost for lying on less than a hundredth of the area; 1 % of the diagonal at the usual tolerance.
+pub(crate) const FAR: f64 = 10.0 / 3.0;
+
 /// Places in a cell and direction at which the surface is measured against the mesh.
 const PLACES: usize = 4;
 
@@ -118,6 +123,15 @@ pub enum SolidReason {
         /// Share asked for.
         asked: f64,
     },
+    /// Somewhere the mesh and the surface are far from each other.
+    TooFar {
+        /// "mesh" or "surface".
+        of: &'static str,
+        /// The largest distance from the other.
+        distance: f64,
+        /// The largest that may be.
+        limit: f64,
+    },
     /// The surface faces the wrong way somewhere.
     Folded {
         /// Number of faces.
@@ -143,6 +157,10 @@ impl fmt::Display for SolidReason {
                     more elements (--mesh) come nearer"
                 )
             }
+            Self::TooFar { of, distance, limit } => write!(
+                f,
+                "the {of} is up to {distance:.4e} away, more than {limit:.4e}, {FAR:.2} tolerances; more elements (--mesh) come nearer"
+            ),
             Self::Folded { faces, places } => write!(
                 f,
                 "{faces} faces fold, at {places} places: the corners of the layout's patches \
@@ -207,6 +225,9 @@ pub(super) fn measured(
     for (of, distances) in [("mesh", &mesh_to_surface), ("surface", &surface_to_mesh)] {
         if distances.within < options.within {
             reasons.push(SolidReason::NotWithin { of, share: distances.within, asked: options.within });
+        }
+        if distances.max > FAR * tolerance {
+            reasons.push(SolidReason::TooFar { of, distance: distances.max, limit: FAR * tolerance });
         }
     }
     if !folded.is_empty() {
