@@ -382,10 +382,10 @@ impl Disk {
     pub(super) fn groups(&self) -> (Vec<usize>, usize) {
         let mut sets = DisjointSets::new(self.faces.len());
         for uses in self.edges().chunk_by(|a, b| a.0 == b.0) {
-            if let [(side, [a, _]), (_, [b, _])] = *uses {
-                if !self.walls.contains(&side) {
-                    sets.join(a, b);
-                }
+            if let [(side, [a, _]), (_, [b, _])] = *uses
+                && !self.walls.contains(&side)
+            {
+                sets.join(a, b);
             }
         }
         let mut number: BTreeMap<u32, usize> = BTreeMap::new();

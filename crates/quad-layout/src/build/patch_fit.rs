@@ -63,8 +63,10 @@ impl PatchFit {
 mod tests {
     use super::*;
 
+    type Sheet = (Vec<[f64; 3]>, Vec<[u32; 3]>, [Vec<u32>; 4]);
+
     /// A square sheet of `n` × `n` quads cut in two, and its sides.
-    fn sheet(n: u32, height: impl Fn(f64, f64) -> f64) -> (Vec<[f64; 3]>, Vec<[u32; 3]>, [Vec<u32>; 4]) {
+    fn sheet(n: u32, height: impl Fn(f64, f64) -> f64) -> Sheet {
         let at = |i: u32, j: u32| j * (n + 1) + i;
         let points = (0..(n + 1).pow(2)).map(|k| {
             let [x, y] = [k % (n + 1), k / (n + 1)].map(|i| f64::from(i) / f64::from(n));
