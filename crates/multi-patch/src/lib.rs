@@ -33,7 +33,7 @@ mod unfold;
 
 pub use error::Error;
 pub use fit::{Fitted, Step, fit};
-pub use measure::{AngleReport, Integrals, angles, folds, integrals};
+pub use measure::{AngleReport, Integrals, TURNED_OVER, angles, folds, integrals};
 pub use options::Options;
 pub use problem::Problem;
 pub use samples::{Sample, Samples};

@@ -13,6 +13,11 @@ use crate::Surface;
 /// Derived: the definition by which results are judged.
 const PLACES: usize = 21;
 
+/// Angle in degrees between neighbouring patches along a smooth arc from which on one of them has turned over there.
+///
+/// Derived: half of 180°; where patches meet smoothly the angle is far below 10°.
+pub const TURNED_OVER: f64 = 90.0;
+
 /// Places in a cell and direction at which folds are looked for, and how near its border the outer ones lie.
 const FOLD_PLACES: usize = 5;
 const FOLD_MARGIN: f64 = 1e-3;
@@ -70,7 +75,7 @@ fn beside(surface: &Surface, arc: usize, k: usize) -> [PatchPlace; 2] {
 pub(crate) fn turned_over(surface: &Surface, sharp: &[bool]) -> Vec<usize> {
     let of_arc = |arc: usize| {
         let angles = angles_along(surface, arc);
-        let turned = (0..PLACES).filter(|&k| angles[k] >= 90.0);
+        let turned = (0..PLACES).filter(|&k| angles[k] >= TURNED_OVER);
         let cells = turned.flat_map(|k| beside(surface, arc, k)).filter_map(|place| surface.space().locate(place).ok());
         cells.collect::<Vec<usize>>()
     };

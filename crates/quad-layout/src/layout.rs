@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use point_cloud::vec3::{norm, sub};
 use rayon::prelude::*;
 use thb_core::{PatchSide, PatchTopology};
 
+use crate::edge::path_length;
 use crate::injective::{folded, map_anew};
 use crate::{LayoutError, LayoutPatch};
 
@@ -141,11 +141,7 @@ impl QuadLayout {
 
     /// The mean lengths of opposite sides of each patch, in the direction of u and of v.
     pub fn sizes(&self) -> Vec<[f64; 2]> {
-        let length = |arc: u32| {
-            let ends = self.paths[arc as usize].windows(2);
-            ends.map(|pair| norm(sub(self.vertices[pair[1] as usize], self.vertices[pair[0] as usize]))).sum::<f64>()
-        };
-        let lengths: Vec<f64> = (0..self.paths.len() as u32).map(length).collect();
+        let lengths: Vec<f64> = self.paths.iter().map(|path| path_length(&self.vertices, path)).collect();
         let of_patch = |sides: &[PatchSide; 4]| {
             [0, 1].map(|d| 0.5 * (lengths[sides[d].arc as usize] + lengths[sides[d + 2].arc as usize]))
         };

@@ -1,7 +1,5 @@
 //! The thin-plate energy, cell by cell.
 
-use rayon::prelude::*;
-
 use crate::bernstein::{inner_products, inner_products_gauss};
 use crate::tensor::unravel;
 use crate::{Cell, CellSpace, Error, SymmetricMatrix, SymmetricPattern};
@@ -36,9 +34,6 @@ struct Term<const D: usize> {
     /// `(n_local, n_local)`, in the Bernstein basis.
     matrix: Vec<f64>,
 }
-
-/// Cells whose matrices are held in memory at a time.
-const BATCH: usize = 1 << 12;
 
 impl<const D: usize> ThinPlate<D> {
     /// The energy for a degree, on the parameters as they are.
@@ -111,26 +106,13 @@ impl<const D: usize> ThinPlate<D> {
                 return Err(Error::Shape { what: "degree", given: self.degree[d], expected: space.degree()[d] });
             }
         }
-        let mut matrix = SymmetricMatrix::zeros(pattern);
-        for first in (0..space.n_cells()).step_by(BATCH) {
-            let cells = first..(first + BATCH).min(space.n_cells());
-            let local: Vec<Vec<f64>> = cells
-                .clone()
-                .into_par_iter()
-                .map_init(Vec::new, |scratch, number| {
-                    let (mut local, cell) = (Vec::new(), space.cell(number));
-                    self.cell_matrix(&cell, &mut local, scratch);
-                    let weight = weight(&cell);
-                    if weight != 1.0 {
-                        local.iter_mut().for_each(|g| *g *= weight);
-                    }
-                    local
-                })
-                .collect();
-            for (number, local) in cells.zip(local) {
-                matrix.add_cell(space.cell(number).functions, &local);
+        Ok(SymmetricMatrix::of_cells(space, pattern, |number, local, scratch| {
+            let cell = space.cell(number);
+            self.cell_matrix(&cell, local, scratch);
+            let weight = weight(&cell);
+            if weight != 1.0 {
+                local.iter_mut().for_each(|g| *g *= weight);
             }
-        }
-        Ok(matrix)
+        }))
     }
 }

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use crate::{CellSpace, Error};
 
 /// Which pairs of functions share a cell: the lower triangle in compressed columns, rows increasing.
@@ -122,7 +124,33 @@ pub struct SymmetricMatrix {
     values: Vec<f64>,
 }
 
+/// Cells whose matrices are held in memory at a time.
+const BATCH: usize = 1 << 12;
+
 impl SymmetricMatrix {
+    /// The sum of matrices of cells, each in the functions of its cell and written to the first of two buffers; the second is for scratch.
+    /// Cells are computed in parallel and added in their order.
+    pub fn of_cells<const D: usize, S: CellSpace<D>>(
+        space: &S,
+        pattern: &SymmetricPattern,
+        cell_matrix: impl Fn(usize, &mut Vec<f64>, &mut Vec<f64>) + Sync,
+    ) -> Self {
+        let mut matrix = Self::zeros(pattern);
+        for first in (0..space.n_cells()).step_by(BATCH) {
+            let cells = first..(first + BATCH).min(space.n_cells());
+            let of_cell = |scratch: &mut Vec<f64>, number: usize| {
+                let mut local = Vec::new();
+                cell_matrix(number, &mut local, scratch);
+                local
+            };
+            let local: Vec<Vec<f64>> = cells.clone().into_par_iter().map_init(Vec::new, of_cell).collect();
+            for (number, local) in cells.zip(local) {
+                matrix.add_cell(space.cell(number).functions, &local);
+            }
+        }
+        matrix
+    }
+
     /// The zero matrix; shares the pattern.
     pub fn zeros(pattern: &SymmetricPattern) -> Self {
         Self { values: vec![0.0; pattern.rows.len()], pattern: pattern.clone() }

@@ -1,6 +1,5 @@
 //! The plates: what holds patches smooth where data do not.
 
-use rayon::prelude::*;
 use thb_core::{CellSpace, MultiPatchSpace, Quadrature, SymmetricMatrix, SymmetricPattern, ThinPlate};
 
 use crate::equations::Equations;
@@ -33,19 +32,13 @@ impl Plates {
 
     /// Sets σ: in each cell the mean of what its functions have.
     pub(crate) fn set_stiffness(&mut self, space: &MultiPatchSpace, stiffness: &[f64]) {
-        let of_cell = |scratch: &mut Vec<f64>, number: usize| {
-            let (mut matrix, cell) = (Vec::new(), space.cell(number));
-            self.of_patch[space.patch_of_cell(number)].cell_matrix(&cell, &mut matrix, scratch);
+        self.gram = SymmetricMatrix::of_cells(space, self.gram.pattern(), |number, matrix, scratch| {
+            let cell = space.cell(number);
+            self.of_patch[space.patch_of_cell(number)].cell_matrix(&cell, matrix, scratch);
             let sum: f64 = cell.functions.iter().map(|&f| stiffness[f as usize]).sum();
             let mean = sum / cell.functions.len() as f64;
             matrix.iter_mut().for_each(|g| *g *= mean);
-            matrix
-        };
-        let matrices: Vec<Vec<f64>> = (0..space.n_cells()).into_par_iter().map_init(Vec::new, of_cell).collect();
-        self.gram = SymmetricMatrix::zeros(self.gram.pattern());
-        for (number, matrix) in matrices.iter().enumerate() {
-            self.gram.add_cell(space.cell(number).functions, matrix);
-        }
+        });
     }
 
     /// Sets the weight μ/P.

@@ -73,9 +73,11 @@ impl Disk {
     pub(super) fn on_square(points: &[[f64; 3]], faces: &[[u32; 3]], sides: &[Vec<u32>; 4]) -> Option<Self> {
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let sides: Vec<(usize, Vec<u32>)> = sides.iter().map(|side| (0, side.clone())).collect();
-        Self::mapped(points, &[faces], &[], &sides, |_, side, share| {
-            let [from, to]: [[f64; 2]; 2] = [corners[side], corners[(side + 1) % 4]];
-            [0, 1].map(|d| from[d] + share * (to[d] - from[d]))
+        Self::mapped(points, &[faces], &[], &sides, |_| {
+            move |side: usize, share: f64| {
+                let [from, to]: [[f64; 2]; 2] = [corners[side], corners[(side + 1) % 4]];
+                [0, 1].map(|d| from[d] + share * (to[d] - from[d]))
+            }
         })
     }
 
@@ -93,22 +95,24 @@ impl Disk {
         seams: &[([usize; 2], Vec<u32>)],
         sides: &[(usize, Vec<u32>)],
     ) -> Option<Self> {
-        let on_circle = |lengths: &[f64], side: usize, share: f64| {
+        let on_circle = |lengths: &[f64]| {
             let starts = turns(lengths);
-            let end = starts.get(side + 1).copied().unwrap_or(TAU);
-            let (sin, cos) = (starts[side] + (end - starts[side]) * share).sin_cos();
-            [cos, sin]
+            move |side: usize, share: f64| {
+                let end = starts.get(side + 1).copied().unwrap_or(TAU);
+                let (sin, cos) = (starts[side] + (end - starts[side]) * share).sin_cos();
+                [cos, sin]
+            }
         };
         Self::mapped(points, parts, seams, sides, on_circle).filter(Self::is_one_to_one)
     }
 
-    /// Glues parts and maps them; `place` gives the places of the rim, by the lengths of its sides, a side, and a share of its length.
-    fn mapped(
+    /// Glues parts and maps them; `rim` gives, for the lengths of the sides, the place of a side's point by a share of its length.
+    fn mapped<P: Fn(usize, f64) -> [f64; 2]>(
         points: &[[f64; 3]],
         parts: &[&[[u32; 3]]],
         seams: &[([usize; 2], Vec<u32>)],
         sides: &[(usize, Vec<u32>)],
-        place: impl Fn(&[f64], usize, f64) -> [f64; 2],
+        rim: impl FnOnce(&[f64]) -> P,
     ) -> Option<Self> {
         let (numbers, faces) = Numbers::new(points.len(), parts, seams)?;
         let ids = numbers.ids();
@@ -123,7 +127,7 @@ impl Disk {
             ids,
             numbers,
         };
-        disk.pin(sides, place)?;
+        disk.pin(sides, rim)?;
         let edges = disk.edges();
         disk.is_disk(&edges).then_some(())?;
         disk.solve(&edges)?;
@@ -140,7 +144,11 @@ impl Disk {
         self.blocked[vertex as usize]
     }
 
-    fn pin(&mut self, sides: &[(usize, Vec<u32>)], place: impl Fn(&[f64], usize, f64) -> [f64; 2]) -> Option<()> {
+    fn pin<P: Fn(usize, f64) -> [f64; 2]>(
+        &mut self,
+        sides: &[(usize, Vec<u32>)],
+        rim: impl FnOnce(&[f64]) -> P,
+    ) -> Option<()> {
         let length = |(part, side): &(usize, Vec<u32>)| -> Option<Vec<f64>> {
             let mut sums = vec![0.0];
             for pair in side.windows(2) {
@@ -152,10 +160,11 @@ impl Disk {
         };
         let lengths: Vec<Vec<f64>> = sides.iter().map(length).collect::<Option<_>>()?;
         let whole: Vec<f64> = lengths.iter().map(|sums| sums[sums.len() - 1]).collect();
+        let place = rim(&whole);
         let mut pinned = Vec::new();
         for (i, ((part, side), sums)) in sides.iter().zip(&lengths).enumerate() {
             for (vertex, sum) in side.iter().zip(sums).take(side.len() - 1) {
-                pinned.push((self.local(*part, *vertex)?, place(&whole, i, sum / whole[i])));
+                pinned.push((self.local(*part, *vertex)?, place(i, sum / whole[i])));
             }
         }
         for &(vertex, place) in &pinned {

@@ -7,7 +7,7 @@ use point_cloud::vec3::{add, norm, scale, sub};
 use super::mesh::{WorkMesh, angle_at};
 use super::regions::{Ground, Regions, runs};
 use crate::RawPatch;
-use crate::edge::edge;
+use crate::edge::{edge, path_length};
 
 /// Edges of a border, at least.
 const EDGES: usize = 4;
@@ -190,7 +190,7 @@ impl Patchwork {
     }
 
     pub(super) fn length(&self, path: &[u32]) -> f64 {
-        path.windows(2).map(|pair| norm(sub(self.points[pair[1] as usize], self.points[pair[0] as usize]))).sum()
+        path_length(&self.points, path)
     }
 
     /// The angle of a region at each of its nodes, the starts of its sides; at smooth nodes all angles sum to a full turn. Borders count

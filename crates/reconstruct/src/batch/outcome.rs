@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use deviation::{Reason, Verdict};
 use geom_io::StepSize;
+use multi_patch::TURNED_OVER;
 use report_page::{IndexRow, Tone};
 use serde::{Deserialize, Serialize};
 
 use crate::options::{all_shown, shown};
 use crate::output::is_page;
 use crate::page::tone;
-use crate::solid::TURNED_OVER;
 use crate::tolerance::hint_if_large;
 use crate::{Error, PieceFits, Report, ReweightingReport, SolidFit, SolidReason};
 

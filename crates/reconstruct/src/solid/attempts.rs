@@ -99,7 +99,7 @@ fn near_enough(part: &Part<'_>, layout: &QuadLayout, watch: &mut Watch<'_>) -> R
 
 impl Attempt {
     fn is_reached(&self) -> bool {
-        self.report.reasons.is_empty()
+        self.report.is_reached()
     }
 
     /// Whether nothing else is wrong than the distance.

@@ -85,10 +85,15 @@ impl SolidMesh {
         if best == nearest.triangle {
             return (best as usize, nearest.barycentric);
         }
-        let weights = barycentric_in_plane(point, self.curved.corners(best as usize)).unwrap_or(MIDDLE);
+        (best as usize, self.weights_within(best as usize, point))
+    }
+
+    /// Barycentric coordinates of a place on a facet near a point: of its foot on the plane, those below 0 made 0.
+    pub(super) fn weights_within(&self, triangle: usize, point: [f64; 3]) -> [f64; 3] {
+        let weights = barycentric_in_plane(point, self.curved.corners(triangle)).unwrap_or(MIDDLE);
         let kept = weights.map(|w| w.max(0.0));
         let all: f64 = kept.iter().sum();
-        (best as usize, kept.map(|w| w / all))
+        kept.map(|w| w / all)
     }
 
     /// The volume that the triangles enclose, if they are closed.
@@ -133,3 +138,28 @@ const MIDDLE: [f64; 3] = [1.0 / 3.0; 3];
 ///
 /// Limit: at a crease of a right angle the surface, which is some hundredths of a percent off, may be nearer to the wrong side.
 const AS_NEAR: f64 = 5e-4;
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+
+    use super::*;
+
+    #[test]
+    fn facets_are_found_on_the_sheet_that_faces_the_same_way() {
+        // A plate, a two thousandth as thick as it is wide; corners are numbered by the bits of their coordinates.
+        let sides = [2.0, 2.0, 1e-3];
+        let corners = Array2::from_shape_fn((8, 3), |(i, k)| if i >> k & 1 == 1 { sides[k] } else { 0.0 });
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let mut scan = Scan::in_memory(corners);
+        scan.triangles = Some(quads.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect());
+        let mesh = SolidMesh::new(scan, CreaseRule::Auto).unwrap();
+        for up in [1.0, -1.0] {
+            // Nearer to the upper sheet.
+            let (facet, weights) = mesh.facet_at([0.7, 1.2, 8e-4], [0.0, 0.0, up]);
+            assert_eq!(mesh.curved.facet_normal(facet), [0.0, 0.0, up]);
+            let found = mesh.curved.on_facet(facet, weights);
+            assert!((found[0] - 0.7).abs() < 1e-12 && (found[1] - 1.2).abs() < 1e-12, "{found:?}");
+        }
+    }
+}

@@ -20,7 +20,6 @@ use crate::{Error, Event, Watch, units};
 use mesh::SolidMesh;
 pub use options::{LayoutChoice, Sharp, Smoothness, SolidOptions};
 use part::{Attempt, ELEMENTS, Part};
-pub(crate) use report::TURNED_OVER;
 pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, SolidVolume};
 
 /// A surface of many faces that was fitted to a whole part.
@@ -43,7 +42,7 @@ pub struct SolidFit {
 impl SolidFit {
     /// Whether the surface is near the mesh as asked and folds nowhere.
     pub fn reached(&self) -> bool {
-        self.report.reasons.is_empty()
+        self.report.is_reached()
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use multi_patch::{AngleReport, Fitted, Step, Surface, angles, folds, integrals};
+use multi_patch::{AngleReport, Fitted, Step, Surface, TURNED_OVER, angles, folds, integrals};
 use point_cloud::vec3::{cross, norm};
 use quad_layout::QuadLayout;
 use rayon::prelude::*;
@@ -13,11 +13,6 @@ use thb_core::CellSpace;
 
 use super::SolidOptions;
 use super::mesh::SolidMesh;
-
-/// Angle in degrees between neighbouring faces along a smooth arc from which on one of them has turned over there.
-///
-/// Derived: half of 180°; where faces meet smoothly the angle is far below 10°.
-pub(crate) const TURNED_OVER: f64 = 90.0;
 
 /// Largest distance anywhere, in tolerances.
 ///
@@ -172,6 +167,13 @@ impl fmt::Display for SolidReason {
                 the corners of the layout's patches may be too sharp or too flat"
             ),
         }
+    }
+}
+
+impl SolidReport {
+    /// Whether the surface is what was asked for.
+    pub fn is_reached(&self) -> bool {
+        self.reasons.is_empty()
     }
 }
 

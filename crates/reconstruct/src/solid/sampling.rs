@@ -1,7 +1,6 @@
 //! Samples of a part: of its area on curved triangles, and of its creases.
 
 use multi_patch::Sample;
-use point_cloud::barycentric_in_plane;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub};
 use quad_layout::QuadLayout;
 use rayon::prelude::*;
@@ -130,10 +129,7 @@ fn on_crease(mesh: &SolidMesh, point: [f64; 3], beside: &[[f64; 3]]) -> [f64; 3]
     for inner in beside {
         let near = add(point, scale(INTO, sub(*inner, point)));
         let triangle = mesh.tree.nearest(near).triangle as usize;
-        let weights = barycentric_in_plane(point, mesh.curved.corners(triangle)).unwrap_or([1.0 / 3.0; 3]);
-        let kept = weights.map(|w| w.max(0.0));
-        let all: f64 = kept.iter().sum();
-        let curved = mesh.curved.on_curved(triangle, kept.map(|w| w / all));
+        let curved = mesh.curved.on_curved(triangle, mesh.weights_within(triangle, point));
         let normal = mesh.curved.facet_normal(triangle);
         sides.push((normal, dot(sub(curved, point), normal), curved));
     }
