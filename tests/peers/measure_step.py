@@ -58,7 +58,8 @@ def measure(step, points, triangles, tolerance=None, samples=SAMPLES, most_trian
     surface = read_surface(step, CHORD_TOLERANCES * tolerance, most_triangles)
     # Near the origin: squares of large coordinates would lose the digits that distances stand in.
     origin = points.mean(axis=0)
-    points, surface.points, surface.rim = points - origin, surface.points - origin, surface.rim - origin
+    points = points - origin
+    surface.move(-origin)
     if triangles is None:
         figures = judge_cloud(points, surface, tolerance, samples, seed)
     else:

@@ -7,7 +7,7 @@ use serde::Serialize;
 use thb_core::SplineMap;
 
 use crate::gathered::Node;
-use crate::parts::{Judged, Piece, farthest, for_each_part, for_each_place, pieces, point_at, radius, worth_cutting};
+use crate::parts::{Judged, Piece, farthest, for_each_part, for_each_place, pieces, radius, worth_cutting};
 use crate::scan::{Cloud, Kind, Mesh};
 use crate::search::{Foot, SurfaceSearch};
 use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, curvature_radii, self_crossings};
@@ -64,6 +64,16 @@ const EDGE_OF_AREA: f64 = 1.519_671_371_303_185;
 ///
 /// Derived: larger distances are then those to the nearest point, and so is the largest one, if it is at least that.
 pub(crate) const NEAR_ENOUGH: f64 = 0.5;
+
+/// Points of a cloud whose nearest points are looked for again, at most, for the largest distance.
+///
+/// Limit: time.
+const MOST_SEARCHED_AGAIN: usize = 10_000;
+
+/// Points of a cloud that may be looked at in the time in which the nearest one is found.
+///
+/// Limit: time, where very many points are within reach, as of heights in metres over degrees.
+const POINTS_OF_PLACE: usize = 50;
 
 /// Change of a distance along a surface, per length, that is always allowed for in search of the largest: a place from which the distance
 /// does not change at first may lie beside a higher one.
@@ -252,7 +262,7 @@ impl<'a> Measured<'a> {
             Kind::Cloud(cloud) => {
                 let folded_over = |mesh: &Mesh| self.surface_to_mesh(mesh, tolerance, Largest::OfPlaces).folded;
                 let folded = cloud.spanned.as_deref().and_then(folded_over);
-                SurfaceSide { folded, ..self.surface_to_cloud(cloud, tolerance) }
+                SurfaceSide { folded, ..self.surface_to_cloud(scan.points, cloud, tolerance) }
             }
         };
         let mut crossings = self.crossings(scan, tolerance)?;
@@ -371,7 +381,7 @@ impl<'a> Measured<'a> {
         let of_one = |parts: &[Part]| {
             let t = parts[0].triangle;
             // Behind the parts stand places of them, which say no more.
-            let judged = |k: usize| Judged { distance: parts[k].distance, most: parts[k].most };
+            let judged = |k: usize| Judged { distance: parts[k].distance, most: parts[k].most, cost: 1 };
             let is_worth = parts.iter().any(|part| part.most > worth);
             let all = if is_worth { pieces(t, mesh.parts_per_side(t as usize), judged) } else { Vec::new() };
             all.into_iter().filter(|piece| piece.judged.most > worth)
@@ -379,7 +389,7 @@ impl<'a> Measured<'a> {
         let open = || parts.chunk_by(|a, b| a.triangle == b.triangle).flat_map(of_one).collect();
         let judge = |t: u32, weights: [f64; 3], reach: f64| {
             let Part { distance, most, .. } = judged(t as usize, weights, 0.0, reach);
-            Judged { distance, most }
+            Judged { distance, most, cost: 1 }
         };
         let highest = match largest {
             Largest::Searched => farthest(open(), known, tolerance, &|t| reach(t as usize), &judge),
@@ -419,25 +429,39 @@ impl<'a> Measured<'a> {
         tolerance: f64,
         thresholds: &Thresholds,
     ) -> ScanSide {
-        let of_point = |(i, &place): (usize, &[f64; 3])| {
-            let foot = self.search.nearest(place, parameter(i as u32), NEAR_ENOUGH * tolerance);
+        let judged = |i: usize, enough: f64| {
+            let foot = self.search.nearest(points[i], parameter(i as u32), enough);
             let (across, along) = foot.split();
             let distance = if foot.on_rim { across } else { foot.distance };
             let beyond_rim = foot.on_rim && along > tolerance + cloud.spacing[i];
-            Part::new(place, &foot, distance, cloud.weights[i], beyond_rim)
+            Part::new(points[i], &foot, distance, cloud.weights[i], beyond_rim)
         };
-        let parts: Vec<Part> = points.par_iter().enumerate().map(of_point).collect();
+        let enough = NEAR_ENOUGH * tolerance;
+        let mut parts: Vec<Part> = (0..points.len()).into_par_iter().map(|i| judged(i, enough)).collect();
+        // Distances up to that are only bounds: of the largest ones the nearest points are looked for.
+        let mut by_distance: Vec<usize> = (0..parts.len()).collect();
+        by_distance.sort_unstable_by(|&a, &b| parts[b].distance.total_cmp(&parts[a].distance).then(a.cmp(&b)));
+        let mut known = 0.0_f64;
+        for i in by_distance.into_iter().take(MOST_SEARCHED_AGAIN) {
+            if parts[i].distance <= known {
+                break;
+            }
+            if parts[i].distance <= enough {
+                parts[i] = judged(i, 0.0);
+            }
+            known = known.max(parts[i].distance);
+        }
         // The weight of a point is the square of its spacing.
         side(&parts, &|part| REACH_OF_POINT * part.gathers.sqrt(), tolerance, thresholds)
     }
 
-    /// Calls `part` with the middle, the triangle, the barycentric coordinates and the area of each part of the surface, and once more,
+    /// Calls `part` with the triangle, the barycentric coordinates of the middle and the area of each part of the surface, and once more,
     /// without area, for the place that is farthest, if that is searched: `judges` tell the distance of what `part` returned and what it
     /// is at most within a reach, the first one of all parts, the second one where the farthest place is looked for.
     fn parts<T: Send + Sync>(
         &self,
         tolerance: f64,
-        part: &(dyn Fn([f64; 3], u32, [f64; 3], f64) -> T + Sync),
+        part: &(dyn Fn(u32, [f64; 3], f64) -> T + Sync),
         judges: [Judge<'_, T>; 2],
         largest: Largest,
     ) -> Vec<T> {
@@ -455,7 +479,7 @@ impl<'a> Measured<'a> {
             let mut made = Vec::with_capacity(n * n);
             let mut known = f64::NEG_INFINITY;
             for_each_part(n, |weights| {
-                let found = part(point_at(corners, weights), t as u32, weights, area / (n * n) as f64);
+                let found = part(t as u32, weights, area / (n * n) as f64);
                 known = known.max(judges[0](&found, reach).distance);
                 made.push(found);
             });
@@ -475,7 +499,7 @@ impl<'a> Measured<'a> {
             all.into_iter().filter(|piece| piece.judged.most > worth).collect::<Vec<Piece>>()
         };
         let open: Vec<Vec<Piece>> = made.par_iter().enumerate().map(open).collect();
-        let at = |t: u32, weights: [f64; 3]| part(point_at(corners(t as usize), weights), t, weights, 0.0);
+        let at = |t: u32, weights: [f64; 3]| part(t, weights, 0.0);
         let judge_at = |t: u32, weights: [f64; 3], reach: f64| judges[1](&at(t, weights), reach);
         let highest = farthest(open.concat(), known, tolerance, &|t| radius(corners(t as usize)), &judge_at);
         made.into_iter().flatten().chain(highest.map(|(t, weights)| at(t, weights))).collect()
@@ -495,7 +519,8 @@ impl<'a> Measured<'a> {
             cosine: f64,
             normal: [f64; 3],
         }
-        let part = |place: [f64; 3], triangle: u32, weights: [f64; 3], area: f64| {
+        let part = |triangle: u32, weights: [f64; 3], area: f64| {
+            let (place, normal) = self.search.place_and_normal(triangle, weights);
             let foot = mesh.tree.nearest(place);
             let t = foot.triangle as usize;
             let facet = mesh.curved.facet_normal(t);
@@ -504,8 +529,6 @@ impl<'a> Measured<'a> {
             let signed = distance.copysign(dot(offset, facet));
             let widest = WIDEST_BAND * tolerance;
             let band = BAND_WIDTH * mesh.curved.sagitta(t, foot.barycentric).clamp(-widest, widest);
-            let (cell, u) = self.search.place_in_parameters(triangle, weights);
-            let normal = self.search.normal(cell, u);
             let on_rim = mesh.is_on_rim(foot.triangle, foot.barycentric);
             let is_inside_facet = foot.barycentric.iter().all(|&w| w > 0.0);
             let within_plane = (foot.squared_distance - dot(offset, facet).powi(2)).max(0.0).sqrt();
@@ -524,7 +547,8 @@ impl<'a> Measured<'a> {
         let none = f64::NEG_INFINITY;
         let judge = |found: &Found, reach: f64| {
             let distance = if found.on_rim { none } else { found.band };
-            Judged { distance, most: if found.beyond > reach { none } else { found.band + reach * found.steepest } }
+            let most = if found.beyond > reach { none } else { found.band + reach * found.steepest };
+            Judged { distance, most, cost: 1 }
         };
         let found = self.parts(tolerance, &part, [&judge, &judge], largest);
         let area: f64 = found.iter().map(|f| f.area).sum();
@@ -547,7 +571,7 @@ impl<'a> Measured<'a> {
         }
     }
 
-    fn surface_to_cloud(&self, cloud: &Cloud, tolerance: f64) -> SurfaceSide {
+    fn surface_to_cloud(&self, points: &[[f64; 3]], cloud: &Cloud, tolerance: f64) -> SurfaceSide {
         struct Found {
             place: [f64; 3],
             distance: f64,
@@ -555,24 +579,34 @@ impl<'a> Measured<'a> {
             counted: f64,
             area: f64,
         }
-        let part = |place: [f64; 3], _: u32, _: [f64; 3], area: f64| {
+        let part = |triangle: u32, weights: [f64; 3], area: f64| {
+            let (place, _) = self.search.place_and_normal(triangle, weights);
             let (distance, nearest) = cloud.tree.nearest(place);
             let counted = (distance - cloud.spacing[nearest as usize]).max(0.0);
             Found { place, distance, nearest, counted, area }
         };
         // Within the reach another point may be the nearest, whose spacing is smaller: probably a neighbour of the nearest one, certainly
-        // one as near as the nearest may be there.
+        // one from which the plane half-way to the nearest is within reach.
         let judged = |found: &Found, reach: f64, least_spacing: f64| Judged {
             distance: found.counted,
             most: found.distance + reach - least_spacing,
+            cost: 1,
+        };
+        let certainly = |found: &Found, reach: f64| {
+            let (mut least, mut visited) = (f64::INFINITY, 0);
+            let farthest = (found.distance + 2.0 * reach).next_up();
+            let nearest = points[found.nearest as usize];
+            cloud.tree.for_each_within(found.place, farthest, |k| {
+                visited += 1;
+                let (other, offset) = (points[k as usize], sub(points[k as usize], found.place));
+                let behind = dot(offset, offset) - found.distance * found.distance;
+                if behind <= 2.0 * reach * norm(sub(other, nearest)) {
+                    least = least.min(cloud.spacing[k as usize]);
+                }
+            });
+            Judged { cost: 1 + visited / POINTS_OF_PLACE, ..judged(found, reach, least) }
         };
         let probably = |found: &Found, reach: f64| judged(found, reach, cloud.least_spacing[found.nearest as usize]);
-        let certainly = |found: &Found, reach: f64| {
-            let mut least = f64::INFINITY;
-            let farthest = (found.distance + 2.0 * reach).next_up();
-            cloud.tree.for_each_within(found.place, farthest, |k| least = least.min(cloud.spacing[k as usize]));
-            judged(found, reach, least)
-        };
         let found = self.parts(tolerance, &part, [&probably, &certainly], Largest::Searched);
         let area: f64 = found.iter().map(|f| f.area).sum();
         // Where no point is within two spacings the surface spans a void or reaches beyond the outline.

@@ -7,10 +7,11 @@ use std::collections::BinaryHeap;
 use point_cloud::vec3::{add, norm, scale, sub};
 use rayon::prelude::*;
 
-/// Places at which distances are taken, beyond those known, in search of the farthest one.
+/// Places at which distances are taken, beyond those known, in search of the farthest one; a place for which much is looked at counts as
+/// several.
 ///
 /// Limit: time.
-const MOST_SEARCHED: usize = 20_000;
+const MOST_SEARCHED: usize = 200_000;
 
 /// Pieces that are cut at a time.
 ///
@@ -92,6 +93,8 @@ pub(crate) fn radius(corners: [[f64; 3]; 3]) -> f64 {
 pub(crate) struct Judged {
     pub(crate) distance: f64,
     pub(crate) most: f64,
+    /// How many places of the usual cost this one counts for.
+    pub(crate) cost: usize,
 }
 
 /// A part of a triangle that is similar to it.
@@ -110,7 +113,7 @@ impl Piece {
     /// The largest distance that is to be expected in it: most distances grow by half of what they may. A middle that does not count, beyond
     /// an outline, tells nothing.
     fn promise(&self) -> f64 {
-        let Judged { distance, most } = self.judged;
+        let Judged { distance, most, .. } = self.judged;
         if distance.is_finite() { 0.5 * (distance + most) } else { most }
     }
 
@@ -158,7 +161,7 @@ pub(crate) fn worth_cutting(known: f64, tolerance: f64) -> f64 {
 /// largest value of a function that does not change faster than its argument): the piece that promises most is cut, and pieces that cannot
 /// have a larger distance than is known, up to a hundredth of it or of the tolerance, or are that small, are left out.
 /// `judge` gives the distance at a place of a triangle and what it is at most within a reach of it, `radius` the reach that takes in all
-/// of a triangle from its middle. The result is certain unless `judge` is asked 2·10⁴ times, when the best place so far is taken.
+/// of a triangle from its middle. The result is certain unless `judge` is asked 2·10⁵ times, when the best place so far is taken.
 pub(crate) fn farthest(
     pieces: Vec<Piece>,
     known: f64,
@@ -185,7 +188,7 @@ pub(crate) fn farthest(
         };
         let parts: Vec<[Piece; CUT * CUT]> = cut.par_iter().map(of_piece).collect();
         for part in parts.into_iter().flatten() {
-            asked += 1;
+            asked += part.judged.cost;
             if part.judged.distance > known {
                 (best, known) = (Some((part.triangle, part.middle)), part.judged.distance);
             }
@@ -252,7 +255,7 @@ mod tests {
         };
         let judge = |t: u32, w: [f64; 3], reach: f64| {
             let distance = height(t, w);
-            Judged { distance, most: distance + reach }
+            Judged { distance, most: distance + reach, cost: 1 }
         };
         let whole = |t: u32| pieces(t, 1, |_| judge(t, [1.0 / 3.0; 3], 0.75));
         let all: Vec<Piece> = (0..100).flat_map(whole).collect();
@@ -263,7 +266,7 @@ mod tests {
 
     #[test]
     fn a_piece_is_cut_into_parts_that_cover_it() {
-        let mut pieces = pieces(0, 3, |_| Judged { distance: 0.0, most: 0.0 });
+        let mut pieces = pieces(0, 3, |_| Judged { distance: 0.0, most: 0.0, cost: 1 });
         for _ in 0..2 {
             let parts = |piece: Piece| piece.parts().map(|(middle, size)| Piece { middle, size, ..piece });
             pieces = pieces.into_iter().flat_map(parts).collect();

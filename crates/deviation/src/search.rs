@@ -154,9 +154,11 @@ impl<'a> SurfaceSearch<'a> {
         }
     }
 
-    /// Unit normal of the surface along `S_u × S_v`; zero where there is none.
-    pub(crate) fn normal(&self, cell: usize, u: [f64; 2]) -> [f64; 3] {
-        unit(area_vector(self.bezier, cell, u))
+    /// The point of the surface at the parameter of a point of a triangle, and its unit normal along `S_u × S_v`; zero where there is none.
+    pub(crate) fn place_and_normal(&self, triangle: u32, weights: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let (cell, u) = self.place_in_parameters(triangle, weights);
+        let Jet { value, first, .. } = self.bezier.jet(cell, u);
+        (value, unit(cross(first[0], first[1])))
     }
 }
 

@@ -1,5 +1,7 @@
 //! Parameters of all points of a cloud through the mesh that was spanned over it.
 
+use std::collections::HashSet;
+
 use ndarray::{Array2, ArrayView2, Axis};
 use point_cloud::vec3::{cross, norm, sub};
 use point_cloud::{CloudBoundary, CloudError, CornerChoice, DiskMesh, LargestDisk, TriangleMesh, largest_disk};
@@ -47,6 +49,8 @@ pub struct SpannedMap {
     pub corners: [u32; 4],
     /// The mapped mesh over the rows of the cloud, counter-clockwise in (u, v).
     pub triangles: Vec<[u32; 3]>,
+    /// The triangles of the given mesh that the map leaves out, because they would have next to no room in the square or hang on such ones.
+    pub left_out: Vec<[u32; 3]>,
     /// How it came out.
     pub report: SpannedMapReport,
 }
@@ -115,6 +119,7 @@ fn map_through(
         return Err(CloudError::BadOption { name, value, range: "at least 1" }.into());
     }
     let spanned = rows.len();
+    let given: Vec<[u32; 3]> = disk.triangles().iter().map(|t| t.map(|v| rows[v as usize] as u32)).collect();
     let mut round = 1;
     let (map, parameters, refinement) = loop {
         let row = |v: u32| rows[v as usize] as u32;
@@ -164,12 +169,28 @@ fn map_through(
     };
     tracing::info!(off_mesh = report.off_mesh.len(), shrunk = report.shrunk, "mapped a cloud");
     let row = |v: u32| rows[v as usize] as u32;
+    let triangles: Vec<[u32; 3]> = disk.triangles().iter().map(|t| t.map(row)).collect();
     Ok(SpannedMap {
         parameters: all,
         corners: map.corners.vertices(disk.outer_loop()).map(row),
-        triangles: disk.triangles().iter().map(|t| t.map(row)).collect(),
+        left_out: without(given, &triangles),
+        triangles,
         report,
     })
+}
+
+/// The triangles that are not among some others, whichever corner these begin with.
+fn without(mut triangles: Vec<[u32; 3]>, others: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    if triangles.len() == others.len() {
+        return Vec::new();
+    }
+    let sorted = |mut t: [u32; 3]| {
+        t.sort_unstable();
+        t
+    };
+    let others: HashSet<[u32; 3]> = others.iter().map(|&t| sorted(t)).collect();
+    triangles.retain(|&t| !others.contains(&sorted(t)));
+    triangles
 }
 
 /// Given corners, as vertices of the mesh over `rows`.

@@ -79,6 +79,17 @@ fn a_deep_pocket_is_taken_out_and_projected() {
     let report = &map.report;
     assert!(report.shrunk > 10 * around && report.shrunk < count - rings * around, "{report:?}");
     assert!(report.distances.iter().any(|d| *d > 1.0) && report.off_mesh.len() == report.shrunk);
+    // Every triangle is either mapped or told to be left out.
+    let given = boundary.triangles.as_ref().unwrap();
+    let sorted = |triangles: &[[u32; 3]]| -> std::collections::BTreeSet<[u32; 3]> {
+        let of = |mut t: [u32; 3]| {
+            t.sort_unstable();
+            t
+        };
+        triangles.iter().map(|&t| of(t)).collect()
+    };
+    assert!(map.left_out.len() > 10 * around && map.left_out.len() + map.triangles.len() == given.len());
+    assert!(sorted(&[map.left_out.clone(), map.triangles.clone()].concat()) == sorted(given));
     assert!(report.map.quality.area.unwrap().max < 3e3 && report.map.quality.folded.is_empty());
     assert!(map.parameters.iter().all(|x| (0.0..=1.0).contains(x)));
     // The bottom of the tube lies in the middle.

@@ -79,7 +79,7 @@ fn judgement(
         return judge.judge(&fitted.map, Some(fitted.parameters.slice_axis(Axis(0), (..judge.scan().len()).into())));
     };
     let places = rows_of(problem.points.select(Axis(0), kept).view());
-    let among = triangles_among(problem.triangles, kept, problem.points.nrows());
+    let among = triangles_among(&problem.all_triangles(), kept, problem.points.nrows());
     let parameters = fitted.parameters.select(Axis(0), kept);
     Judge::new(&places, &among, problem.is_mesh, parameters.view(), problem.tolerance, within)?
         .judge(&fitted.map, Some(parameters.view()))

@@ -120,7 +120,7 @@ pub fn fit_scan(scan: Scan, name: &str, options: &FitOptions, watch: &mut Watch<
         set_aside: chosen.attempt.fitted.counted.iter().flatten().map(|counts| !counts).collect(),
         has_heights,
         has_side: laid_out.is_mesh || has_heights || normals.is_some(),
-        triangles: if laid_out.is_mesh { laid_out.triangles } else { Vec::new() },
+        triangles: if laid_out.is_mesh { [laid_out.triangles, laid_out.left_out].concat() } else { Vec::new() },
     };
     let report = Report {
         schema: SCHEMA,
@@ -241,6 +241,7 @@ fn fit_laid_out(laid_out: &Parameterized, asked: &Asked, watch: &mut Watch<'_>) 
         weights: laid_out.weights.as_ref().map(|w| w.view()),
         rows: &laid_out.rows,
         triangles: &laid_out.triangles,
+        left_out: &laid_out.left_out,
         is_mesh: laid_out.is_mesh,
         is_given: laid_out.report.method == "given",
         tolerance: asked.tolerance,

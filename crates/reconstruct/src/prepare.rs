@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use deviation::CurvedTriangles;
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use point_cloud::BoundingBox;
 use thb_core::{HierarchicalSpace, SplineMap};
@@ -69,15 +70,19 @@ fn fit_scan(
     watch: &mut Watch<'_>,
 ) -> Result<Chosen, Error> {
     let places = rows_of(problem.points);
+    let triangles = problem.all_triangles();
     let judge =
-        Judge::new(&places, problem.triangles, problem.is_mesh, problem.parameters, problem.tolerance, options.within)?;
+        Judge::new(&places, &triangles, problem.is_mesh, problem.parameters, problem.tolerance, options.within)?;
     let asks_for_points = options.samples == Samples::Vertices || options.reweighting.is_asked_for();
     let by_points = problem.is_given || asks_for_points;
     let m = problem.points.nrows();
     let dense = if by_points {
         None
     } else if let Some(curved) = judge.scan().curved() {
-        densify(curved, problem.parameters, space.periodic())
+        // Points can only be added where parameters run on from corner to corner.
+        let is_whole = problem.left_out.is_empty();
+        let laid_out = (!is_whole).then(|| CurvedTriangles::new(places.clone(), problem.triangles.to_vec()));
+        densify(laid_out.as_ref().unwrap_or(curved), problem.parameters, space.periodic())
     } else {
         bridged(&judge, problem.parameters, space.periodic())
     };
@@ -152,6 +157,8 @@ struct Heard {
     rows: Vec<u32>,
     /// The triangles of which all vertices count.
     triangles: Vec<[u32; 3]>,
+    /// Likewise of those that were not laid out.
+    left_out: Vec<[u32; 3]>,
 }
 
 impl Heard {
@@ -168,6 +175,7 @@ impl Heard {
             weights: weights.select(Axis(0), &kept),
             rows: kept.iter().map(|&i| problem.rows[i]).collect(),
             triangles: triangles_among(problem.triangles, &kept, weights.len()),
+            left_out: triangles_among(problem.left_out, &kept, weights.len()),
             kept,
         })
     }
@@ -179,6 +187,7 @@ impl Heard {
             weights: Some(self.weights.view()),
             rows: &self.rows,
             triangles: &self.triangles,
+            left_out: &self.left_out,
             ..*whole
         }
     }

@@ -15,6 +15,8 @@ pub(crate) struct Problem<'a> {
     pub(crate) rows: &'a [u32],
     /// Triangles over the points that may not turn over in the parameter plane.
     pub(crate) triangles: &'a [[u32; 3]],
+    /// Triangles of a mesh besides these, which count but were not laid out.
+    pub(crate) left_out: &'a [[u32; 3]],
     /// Whether they are the scan, and not spanned over its points.
     pub(crate) is_mesh: bool,
     /// Whether the parameters are the user's: then the errors of points are those at their parameters.
@@ -30,6 +32,11 @@ pub(crate) struct Problem<'a> {
 const LINEAR: f64 = 1e-5;
 
 impl Problem<'_> {
+    /// All triangles of a mesh, those laid out first.
+    pub(crate) fn all_triangles(&self) -> Vec<[u32; 3]> {
+        [self.triangles, self.left_out].concat()
+    }
+
     /// Whether the points are heights over two coordinates: each parameter is a linear function of one of them.
     pub(crate) fn is_graph(&self) -> bool {
         let along = |d: usize| (0..3).find(|&k| is_linear(self.parameters.column(d), self.points.column(k)));
@@ -90,6 +97,7 @@ mod tests {
                 weights: None,
                 rows: &[],
                 triangles: &[],
+                left_out: &[],
                 is_mesh: false,
                 is_given: false,
                 tolerance: 1.0,

@@ -33,6 +33,10 @@ NEARER = (0.2, 0.05, 0.01)
 SLOPE = 0.2
 # Points round a place, one of which may be the nearest close by.
 OTHERS = 12
+# Farthest places round which the surface is evaluated anew, since it may rise or end between the vertices of its triangles.
+SEEN_AGAIN = 300
+# A share by which the largest distance from a cloud may be missed.
+NEAR_LARGEST = 5e-3
 # Places along the outline of a scan, over which the surface may be farthest, and how often the place of the surface over each
 # is looked for.
 RIM_PLACES, RIM_STEPS = 20_000, 6
@@ -153,6 +157,32 @@ def climbed(corners, triangles, which, distances, at_vertices, judge, number, sl
     return np.concatenate(all_places), [np.concatenate(parts) for parts in zip(*found)]
 
 
+def uncovered(surface, tree, spacing, known):
+    """Places of a surface that lie farther than `known` outside the balls of a spacing around the points of a cloud, each farther than
+    the one before: triangles in which there may be one are cut into four, again and again. In a triangle of radius r about a place whose
+    nearest point is d away, the nearest points are at most d + 2 r from that place and d + r from theirs."""
+    pieces = surface.points[surface.triangles]
+    places = [np.zeros((0, 3))]
+    while len(pieces):
+        middles = pieces.mean(axis=1)
+        reach = np.linalg.norm(pieces - middles[:, None], axis=2).max(axis=1)
+        apart, others = tree.query(middles, k=min(OTHERS, len(spacing)))
+        excess = apart[:, 0] - COVERED_SPACINGS * spacing[others[:, 0]]
+        if excess.max() > known:
+            known = excess.max()
+            places.append(middles[[excess.argmax()]])
+        reachable = apart <= apart[:, :1] + 2 * reach[:, None]
+        least = np.where(reachable, spacing[others], np.inf).min(axis=1)
+        # Where all that were asked for can be the nearest there may be more of them.
+        least[reachable.all(axis=1)] = spacing.min()
+        promise = apart[:, 0] + reach - COVERED_SPACINGS * least
+        pieces = pieces[(promise > known * (1 + NEAR_LARGEST)) & (reach > NEAR_LARGEST * known)]
+        a, b, c = (pieces[:, k] for k in range(3))
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        pieces = np.concatenate([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return np.concatenate(places)
+
+
 def over_outline(points, triangles, diagonal, to_surface, surface_normals):
     """Places of a surface over the outline of a scan, a little inside it: on the normals of the outline's facets. Distances may grow
     towards the outline up to there, in a strip narrower than samples lie apart."""
@@ -217,7 +247,7 @@ def judge_mesh(points, triangles, surface, tolerance, count, seed):
     facet_figures = dict(scan_to_surface=statistics(flat, places, tolerance, others=vertices))
 
     # Coverage of the scan.
-    slack = 2 * surface.chord + ON_OUTLINE * diagonal
+    slack = 2 * (surface.chord + surface.rim_error) + ON_OUTLINE * diagonal
     along, _ = beyond_rim(places, flat, near, surface_normals[near_triangle], surface.rim, slack)
     # The spacing is the edge of an equilateral triangle of the same area.
     spacing = np.sqrt(4 / np.sqrt(3) * facets.areas(points, triangles)[which])
@@ -343,9 +373,13 @@ def judge_cloud(points, surface, tolerance, count, seed):
     distance, triangle, near = facets.searcher(surface.points, surface.triangles)(points)
     at_near = facets.barycentric(surface.points, surface.triangles, triangle, near)
     normals = unit(facets.at(surface.normals, surface.triangles, triangle, at_near))
-    slack = 2 * surface.chord + ON_OUTLINE * diagonal
+    slack = 2 * (surface.chord + surface.rim_error) + ON_OUTLINE * diagonal
     along, across = beyond_rim(points, distance, near, normals, surface.rim, slack)
     beyond = along > tolerance + spacing
+    farthest = np.argsort(-across)[:SEEN_AGAIN]
+    finer = surface.finer(triangle[farthest])
+    if len(finer[1]):
+        across[farthest] = np.minimum(across[farthest], facets.searcher(*finer)(points[farthest])[0])
     result = dict(
         scan_to_surface=statistics(across, points, tolerance, weights),
         points=statistics(distance, points, tolerance),
@@ -362,17 +396,10 @@ def judge_cloud(points, surface, tolerance, count, seed):
         return away, excess, (away > BEYOND_SPACINGS * there) & (excess > tolerance)
 
     found = from_surface(places)
-    anywhere = lambda places, *_: from_surface(places)
-    of_samples, of_vertices = found[1][:count], found[1][count:]
-    # Another point than the nearest may be the nearest one close by, with a smaller spacing: how far a place would then count.
-    apart, others = tree.query(places[:count], k=min(OTHERS, len(points)))
-    a, b, c = (surface.points[surface.triangles[which][:, k]] for k in range(3))
-    near = np.max([np.linalg.norm(corner - places[:count], axis=1) for corner in (a, b, c)], axis=0)
-    reachable = apart <= apart[:, :1] + 2 * near[:, None]
-    expected = np.where(reachable, np.minimum(apart, apart[:, :1] + near[:, None]) - spacing[others], 0.0).max(axis=1)
-    more_places, further = climbed(
-        surface.points, surface.triangles, which, of_samples, of_vertices, anywhere, 1, 1.0, seed, expected
-    )
+    more_places = uncovered(surface, tree, spacing, found[1].max())
+    high = np.argsort(-found[1][count:][surface.triangles].max(axis=1))[:SEEN_AGAIN]
+    more_places = np.concatenate([more_places, surface.finer(high)[0]])
+    further = from_surface(more_places)
     away, excess, outside = (np.concatenate(pair) for pair in zip(found, further))
     places = np.concatenate([places, more_places])
     others = (excess[count:], places[count:])

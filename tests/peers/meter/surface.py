@@ -23,6 +23,8 @@ from check_step import AS_FACE, TopAbs_FACE, edges_with_orientations, explore, l
 
 # Quads along a span: 2^1 to 2^7.
 FIRST_POWER, LAST_POWER = 1, 7
+# Quads along a span where the farthest places are looked for.
+FINER = 64
 # Quads along a block, the unit in which crossings are sought.
 BLOCK = 8
 # Fewest pieces of a free edge.
@@ -46,11 +48,38 @@ class Surface:
     normals: np.ndarray
     # Number of the block of each triangle.
     blocks: np.ndarray
+    # Number of the span of each triangle, below 0 on trimmed faces; of the spans (number of the net, span in u, span in v); and the nets.
+    span: np.ndarray
+    spans: np.ndarray
+    nets: list
     # Segments along the free edges, (n, 2, 3).
     rim: np.ndarray
+    # Estimate of the largest distance between the free edges and these.
+    rim_error: float
     # Estimate of the largest distance between surface and triangles.
     chord: float
     faces: int
+
+    def move(self, by):
+        """Moves the surface."""
+        self.points, self.rim = self.points + by, self.rim + by
+        self.nets = [(net + np.append(by, 0.0) * net[..., 3:], u, v) for net, u, v in self.nets]
+
+    def finer(self, triangles):
+        """Points and triangles of grids of FINER x FINER squares over the spans of some triangles and those beside them in their nets."""
+        about = np.unique(self.spans[np.unique(self.span[triangles][self.span[triangles] >= 0])], axis=0).reshape(-1, 3)
+        around = np.array([(0, i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+        wanted = np.unique((about[:, None] + around).reshape(-1, 3), axis=0)
+        points, sides = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)]
+        for number in np.unique(wanted[:, 0]):
+            net, u, v = self.nets[number]
+            of_net = wanted[wanted[:, 0] == number]
+            there = (of_net >= 0).all(axis=1) & (of_net[:, 1] < len(spans(*u))) & (of_net[:, 2] < len(spans(*v)))
+            grid = evaluated(net, u, v, *of_net[there, 1:].T, FINER, FINER)
+            of_grid = grid_triangles(grid, False)
+            sides.append(of_grid[1] + sum(map(len, points)))
+            points.append(of_grid[0])
+        return np.concatenate(points), np.concatenate(sides)
 
 
 def read_surface(path, chord, most_triangles):
@@ -59,15 +88,21 @@ def read_surface(path, chord, most_triangles):
     shape = load(str(path))
     faces = list(explore(shape, TopAbs_FACE, AS_FACE))
     natural = [face for face in faces if fills_rectangle(face)]
-    meshes, reached = [], 0.0
+    meshes, reached, nets = [], 0.0, []
+    listed, of_triangles = [np.zeros((0, 3), dtype=np.int64)], []
     if natural:
         nets = [control_net(face) for face in natural]
         grids, reached = grids_over(nets, chord, most_triangles)
-        meshes += [(grid_triangles(grid, is_reversed(natural[k]))) for k, grid in grids]
+        for k, grid, of_net in grids:
+            meshes.append(grid_triangles(grid, is_reversed(natural[k])))
+            first_span = sum(map(len, listed))
+            listed.append(np.column_stack([np.full(len(of_net), k), of_net]))
+            of_triangles.append(first_span + np.repeat(np.arange(len(of_net)), len(meshes[-1][1]) // len(of_net)))
     for face in faces:
         if not any(face.IsSame(other) for other in natural):
             points, triangles, error = trimmed_triangles(face, chord)
             meshes.append((points, triangles, np.zeros(len(triangles), dtype=int), mean_normals(points, triangles)))
+            of_triangles.append(np.full(len(triangles), -1))
             reached = max(reached, error)
     points, triangles, blocks, normals, first_point, first_block = [], [], [], [], 0, 0
     for some_points, some_triangles, some_blocks, some_normals in meshes:
@@ -79,7 +114,9 @@ def read_surface(path, chord, most_triangles):
         first_block += some_blocks.max() + 1
     points, triangles, kept, first = welded(np.concatenate(points), np.concatenate(triangles))
     blocks, normals = np.concatenate(blocks)[kept], np.concatenate(normals)[first]
-    return Surface(points, triangles, normals, blocks, free_edges(faces, chord), reached, len(faces))
+    rim, rim_error = free_edges(faces, chord)
+    span = np.concatenate(of_triangles)[kept]
+    return Surface(points, triangles, normals, blocks, span, np.concatenate(listed), nets, rim, rim_error, reached, len(faces))
 
 
 def is_reversed(face):
@@ -166,8 +203,8 @@ def basis(knots, degree, span, count):
 
 
 def grids_over(nets, chord, most_triangles):
-    """For each span of each net a grid of points, as fine as the chord asks: [(number of the net, (spans, k + 1, l + 1,
-    3))], grids of one size together; and the largest estimate of the error."""
+    """For each span of each net a grid of points, as fine as the chord asks: [(number of the net, (spans, k + 1, l + 1, 3),
+    numbers of the spans in u and v (spans, 2))], grids of one size together; and the largest estimate of the error."""
     open_cells = []
     cells_u, cells_v = ([len(spans(*net[direction])) for net in nets] for direction in (1, 2))
     for number, size in enumerate(zip(cells_u, cells_v)):
@@ -197,7 +234,7 @@ def grids_over(nets, chord, most_triangles):
             raised &= cells[:, 3:] < LAST_POWER
             accepted = ~raised.any(axis=1) | last
             if accepted.any():
-                done.append((group[0], grid[accepted]))
+                done.append((group[0], grid[accepted], cells[accepted, 1:3]))
                 total += int(accepted.sum()) * 2 ** (group[1] + group[2] + 3)
                 reached = max(reached, np.max([along_u[accepted], along_v[accepted], across[accepted]]))
             cells = cells[~accepted].copy()
@@ -323,8 +360,9 @@ def trimmed_triangles(face, chord):
 
 
 def free_edges(faces, chord):
-    """Segments along the edges that bound the surface: those of one face that are no seam of it, (n, 2, 3)."""
-    found = [np.zeros((0, 2, 3))]
+    """Segments along the edges that bound the surface, those of one face that are no seam of it, (n, 2, 3); and how far the edges lie
+    off them at most."""
+    found, error = [np.zeros((0, 2, 3))], 0.0
     for edge, uses in edges_with_orientations(faces):
         if len(uses) > 1 or BRep_Tool.Degenerated_s(edge):
             continue
@@ -333,8 +371,10 @@ def free_edges(faces, chord):
         while True:
             parameters = np.linspace(curve.FirstParameter(), curve.LastParameter(), count + 1)
             line = np.array([(p.X(), p.Y(), p.Z()) for p in (curve.Value(float(t)) for t in parameters)])
-            if off_chords(line[None]).max() / 4 <= chord or count >= 64 * EDGE_PIECES:
+            off = off_chords(line[None]).max() / 4
+            if off <= chord or count >= 64 * EDGE_PIECES:
                 break
             count *= 2
+        error = max(error, off)
         found.append(np.stack([line[:-1], line[1:]], axis=1))
-    return np.concatenate(found)
+    return np.concatenate(found), error

@@ -156,6 +156,7 @@ fn through_subset(
         corners: part.corners.map(|corners| corners.map(place)),
         seam: part.seam.map(|seam| seam.map(place)),
         triangles,
+        left_out: Vec::new(),
         points,
         parameters,
         rows,

@@ -58,6 +58,8 @@ pub(super) struct Layout {
     /// Row of each point among those that were to be laid out.
     pub(super) rows: Vec<u32>,
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Triangles of the scan that were not laid out, over the same points.
+    pub(super) left_out: Vec<[u32; 3]>,
     /// Whether these triangles are those of the scan.
     pub(super) is_mesh: bool,
     pub(super) boundary: Vec<u32>,

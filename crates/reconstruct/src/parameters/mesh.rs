@@ -181,7 +181,7 @@ impl Layout {
             ));
         }
         self.parameters = map.parameters;
-        self.triangles = map.triangles;
+        (self.triangles, self.left_out) = (map.triangles, map.left_out);
         self.corners = Some(map.corners);
         self.refined = map.report.refinement.is_some();
     }
@@ -195,6 +195,8 @@ impl Layout {
         self.parameters = self.parameters.select(Axis(0), kept);
         self.rows = kept.iter().map(|&i| self.rows[i]).collect();
         self.triangles.iter_mut().for_each(|t| *t = t.map(place));
+        self.left_out.retain(|t| t.iter().all(|&i| places[i as usize].is_some()));
+        self.left_out.iter_mut().for_each(|t| *t = t.map(place));
         self.boundary.iter_mut().for_each(|i| *i = place(*i));
         for rim in &mut self.rims {
             // Points of a rim may have been off the surface.

@@ -60,6 +60,8 @@ pub struct Parameterized {
     pub rows: Vec<u32>,
     /// Triangles over the points: those of a mesh, or of one spanned over (a subset of) a cloud; empty if there are none.
     pub triangles: Vec<[u32; 3]>,
+    /// Triangles of a mesh without room in the parameter square, over the same points: part of the scan, but not laid out.
+    pub left_out: Vec<[u32; 3]>,
     /// Whether these triangles are the scan, and not spanned over its points.
     pub is_mesh: bool,
     /// The points of the outer boundary in order; empty where it was not needed.
@@ -150,7 +152,7 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
     let weights = confidence.map(|all| layout.rows.iter().map(|&row| all[row as usize]).collect());
     let normals = file_normals.map(|all| layout.rows.iter().map(|&row| all[row as usize]).collect());
     let rows = (0..layout.rows.len() as u32).map(in_file).collect();
-    let Layout { points, parameters, triangles, is_mesh, boundary, rims, reversed, .. } = layout;
+    let Layout { points, parameters, triangles, left_out, is_mesh, boundary, rims, reversed, .. } = layout;
     let diagonal = BoundingBox::of(points.view())?.diagonal();
     Ok(Parameterized {
         diagonal,
@@ -161,6 +163,8 @@ pub fn parameterize(scan: Scan, options: &ParameterOptions, watch: &mut Watch<'_
         normals,
         rows,
         triangles,
+        // Triangles over a cloud are no scan.
+        left_out: if is_mesh { left_out } else { Vec::new() },
         is_mesh,
         boundary,
         rims,
