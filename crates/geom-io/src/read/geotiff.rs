@@ -9,7 +9,7 @@ use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
-use super::decoder::shielded;
+use super::decoder::{self, shielded};
 use super::heights::{self, Axis, Grid, NoData};
 use super::number::{NumberStyle, Value};
 use super::source::Budget;
@@ -30,7 +30,8 @@ type Tiff<'a> = Decoder<Cursor<&'a [u8]>>;
 
 pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Scan, ReadErrorKind> {
     shielded("GeoTIFF", || {
-        // Values of tags lie in the file; what is decoded is counted.
+        // Values of tags lie in the file; what is decoded is counted. The decoder takes limits only when it has read the first directory.
+        check_values(bytes)?;
         let mut limits = Limits::default();
         limits.ifd_value_size = bytes.len();
         limits.intermediate_buffer_size = budget.left();
@@ -46,8 +47,60 @@ pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Scan, ReadErrorK
     })
 }
 
+/// Refuses values of the first directory that are longer than the file.
+fn check_values(bytes: &[u8]) -> Result<(), ReadErrorKind> {
+    // The decoder says what is wrong with a file that ends early.
+    let Some(first) = Directory::of(bytes) else { return Ok(()) };
+    for k in 0..first.entries {
+        let Some((tag, size)) = first.entry(bytes, k) else { return Ok(()) };
+        if size > bytes.len() as u64 {
+            return Err(malformed(format!("tag {tag} says that it has {size} bytes, more than the file")));
+        }
+    }
+    Ok(())
+}
+
+/// The first directory of a file of either kind: TIFF, whose numbers have up to four bytes, or BigTIFF with eight.
+struct Directory {
+    is_little: bool,
+    is_big: bool,
+    /// Where its entries begin, and how many there are.
+    begin: u64,
+    entries: u64,
+}
+
+impl Directory {
+    /// `None` if the file ends before, or is no TIFF.
+    fn of(bytes: &[u8]) -> Option<Self> {
+        let is_little = bytes.starts_with(b"II");
+        let is_big = number(bytes, is_little, 2, 2)? == 43;
+        let at = if is_big { number(bytes, is_little, 8, 8)? } else { number(bytes, is_little, 4, 4)? };
+        let length = if is_big { 8 } else { 2 };
+        Some(Self { is_little, is_big, begin: at.checked_add(length)?, entries: number(bytes, is_little, at, length)? })
+    }
+
+    /// The tag of an entry and the bytes that its values take.
+    fn entry(&self, bytes: &[u8], k: u64) -> Option<(u64, u64)> {
+        let (length, of_count) = if self.is_big { (20, 8) } else { (12, 4) };
+        let at = self.begin.checked_add(k.checked_mul(length)?)?;
+        let number = |offset, length| number(bytes, self.is_little, at.checked_add(offset)?, length);
+        // The types of TIFF 6.0 and BigTIFF, from 1 on: bytes, text, short and long numbers, fractions and so on.
+        const SIZES: [u64; 19] = [1, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 1, 1, 8, 8, 8];
+        let size = (number(2, 2)? as usize).checked_sub(1).and_then(|kind| SIZES.get(kind)).unwrap_or(&1);
+        Some((number(0, 2)?, number(4, of_count)?.saturating_mul(*size)))
+    }
+}
+
+/// An unsigned number of some bytes.
+fn number(bytes: &[u8], is_little: bool, at: u64, length: u64) -> Option<u64> {
+    let begin = usize::try_from(at).ok()?;
+    let digits = bytes.get(begin..begin.checked_add(length as usize)?)?;
+    let joined = |value: u64, &digit: &u8| value << 8 | u64::from(digit);
+    Some(if is_little { digits.iter().rev().fold(0, joined) } else { digits.iter().fold(0, joined) })
+}
+
 fn damaged(error: TiffError) -> ReadErrorKind {
-    malformed(error.to_string())
+    decoder::malformed("GeoTIFF", error)
 }
 
 fn malformed(reason: impl Into<String>) -> ReadErrorKind {

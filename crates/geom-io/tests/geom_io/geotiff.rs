@@ -191,6 +191,14 @@ fn what_is_no_grid_of_heights_or_not_there_is_an_error_in_bounds() {
             let _ = parse_scan(&bytes, Format::GeoTiff, &ReadOptions::default());
         }
     }
+    // A value that is said to be longer than the file is refused before there is room for it: here of the first tag.
+    let directory = u32::from_le_bytes(whole[4..8].try_into().unwrap()) as usize;
+    for (kind, count) in [(2_u16, 1_u32 << 27), (4, 1 << 25), (12, 1 << 24)] {
+        let mut bytes = whole.clone();
+        bytes[directory + 4..directory + 6].copy_from_slice(&kind.to_le_bytes());
+        bytes[directory + 6..directory + 10].copy_from_slice(&count.to_le_bytes());
+        assert!(fail(&bytes).to_string().contains("bytes, more than the file"), "{kind}");
+    }
     // Heights that are all alike expand by far more than those of a scan.
     let flat =
         |n: u32| written::<Gray8>([n, n], Compression::Deflate(DeflateLevel::Best), n, &Tags::placed(), |_, _| 1);
