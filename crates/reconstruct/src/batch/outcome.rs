@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::options::{all_shown, shown};
 use crate::output::is_page;
 use crate::page::tone;
+use crate::solid::KINK;
 use crate::tolerance::hint_if_large;
 use crate::{Error, PieceFits, Report, ReweightingReport, SolidFit, SolidReason};
 
@@ -267,6 +268,7 @@ fn reason_of_solid(reason: &SolidReason) -> Reason {
         SolidReason::Folded { places, .. } => ("folded", places as f64, 0.0),
         SolidReason::TooFar { of: "mesh", distance, limit } => ("scan-too-far", distance, limit),
         SolidReason::TooFar { distance, limit, .. } => ("surface-too-far", distance, limit),
+        SolidReason::Kinked { angle } => ("kinked", angle, KINK),
         SolidReason::TurnedOver { angle } => ("turned-over", angle, TURNED_OVER),
     };
     Reason { code: code.into(), verdict: Verdict::Failed, text: reason.to_string(), figure, limit, place: None }

@@ -20,6 +20,7 @@ use crate::{Error, Event, Watch, units};
 use mesh::SolidMesh;
 pub use options::{LayoutChoice, Sharp, Smoothness, SolidOptions};
 use part::{Attempt, ELEMENTS, Part};
+pub(crate) use report::KINK;
 pub use report::{SolidDistances, SolidLayoutReport, SolidReason, SolidReport, SolidVolume};
 
 /// A surface of many faces that was fitted to a whole part.
