@@ -41,6 +41,8 @@ pub(super) struct Lines {
     pub(super) corners: BTreeSet<u32>,
     /// Pairs of half-edges to the left of which one region lies.
     pub(super) joined: Vec<[(u32, u32); 2]>,
+    /// Corners whose wide sectors have one part fewer than by their angle.
+    pub(super) fewer: BTreeSet<u32>,
 }
 
 /// What grows from creases.
@@ -93,7 +95,7 @@ impl Lines {
         let mut corners: BTreeSet<u32> = at.iter().filter(|(_, others)| others.len() != 2).map(|(&v, _)| v).collect();
         let turns = Self::walk(&at, &corners).into_iter().flat_map(|line| turning_corners(mesh, &line));
         corners.extend(turns.collect::<Vec<_>>());
-        Self { lines: Self::walk(&at, &corners), corners, joined: Vec::new() }
+        Self { lines: Self::walk(&at, &corners), corners, joined: Vec::new(), fewer: BTreeSet::new() }
     }
 
     fn walk(at: &BTreeMap<u32, Vec<u32>>, corners: &BTreeSet<u32>) -> Vec<Line> {
@@ -180,7 +182,11 @@ impl Lines {
             return 2;
         }
         let angle: f64 = sector.angles.iter().sum();
-        if self.corners.contains(&vertex) && angle > WIDE { ((angle / PART).round() as usize).max(2) } else { 1 }
+        if !self.corners.contains(&vertex) || angle <= WIDE {
+            return 1;
+        }
+        let parts = (angle / PART).round() as usize;
+        parts.saturating_sub(usize::from(self.fewer.contains(&vertex))).max(2)
     }
 }
 

@@ -40,6 +40,8 @@ pub(super) struct Plan {
     crossings: BTreeSet<u32>,
     /// Nodes on creases at which no arc need end.
     nodes: BTreeSet<u32>,
+    /// Corners of creases with one region fewer, see [`Lines::fewer`].
+    fewer: BTreeSet<u32>,
     spacing: f64,
     /// Whether regions reach across narrow faces from crease to crease.
     spans_narrow: bool,
@@ -55,9 +57,19 @@ impl Plan {
         let lines = Lines::trace(&mesh);
         let spacing = SPACING * radius;
         let crossings = rungs::crossings(&mesh, &neighbours, &lines, spacing);
-        let (normals, nodes, single) = (Vec::new(), BTreeSet::new(), Vec::new());
-        let mut plan =
-            Self { mesh, neighbours, normals, lines, crossings, nodes, spacing, spans_narrow, single, regions: None };
+        let mut plan = Self {
+            mesh,
+            neighbours,
+            normals: Vec::new(),
+            lines,
+            crossings,
+            nodes: BTreeSet::new(),
+            fewer: BTreeSet::new(),
+            spacing,
+            spans_narrow,
+            single: Vec::new(),
+            regions: None,
+        };
         plan.split();
         let ground = Ground::new(&plan.mesh, &plan.neighbours, &plan.normals);
         let seeds = plan.lines.seeds(&plan.mesh, &plan.neighbours);
@@ -69,7 +81,7 @@ impl Plan {
     fn split(&mut self) {
         for round in 0..=SPLITS {
             self.neighbours = self.mesh.neighbours();
-            self.lines = Lines::trace(&self.mesh);
+            self.lines = Lines { fewer: self.fewer.clone(), ..Lines::trace(&self.mesh) };
             for line in &mut self.lines.lines {
                 let end = line.path.len() - 1;
                 let is_inner = |at: &usize| (line.is_closed || *at > 0) && *at < end;
@@ -137,7 +149,7 @@ impl Plan {
             tracing::debug!(regions = regions.count, ?unfit, ?at_borders, "regions are added");
             let additions: Vec<Addition> =
                 unfit.iter().filter_map(|&region| self.within(&ground, &seeds, &regions, region)).collect();
-            let borders: Vec<Addition> = at_borders.iter().filter_map(|path| self.beside(&regions, path)).collect();
+            let borders: Vec<Addition> = at_borders.iter().filter_map(|few| self.beside(&regions, few)).collect();
             let before = self.size();
             self.add_all(additions.into_iter().chain(borders));
             if before == self.size() {
@@ -171,8 +183,8 @@ impl Plan {
         sharp.flat_map(|border| border.path.windows(2).map(|pair| edge(pair[0], pair[1]))).collect()
     }
 
-    fn size(&self) -> [usize; 3] {
-        [self.single.len(), self.crossings.len(), self.nodes.len()]
+    fn size(&self) -> [usize; 4] {
+        [self.single.len(), self.crossings.len(), self.nodes.len(), self.fewer.len()]
     }
 
     /// The longest interval along a region: its length, and a vertex in its middle if there is one.
@@ -221,8 +233,14 @@ impl Plan {
         }
     }
 
-    /// What gives a region with few sides another one: a seed at the middle of a smooth border, a node in that of a crease.
-    fn beside(&self, regions: &Regions, path: &[u32]) -> Option<Addition> {
+    /// What gives a region with few sides another one, or takes it away: a seed at the middle of a smooth border, a node in that of a
+    /// crease; one region fewer round the corner of creases that one without a crease began at.
+    fn beside(&self, regions: &Regions, few: &FewSided) -> Option<Addition> {
+        let path = &few.longest;
+        let is_corner = |v: &&u32| self.lines.corners.contains(v) && !self.fewer.contains(v);
+        if let Some(&corner) = few.corners.iter().find(is_corner).filter(|_| few.has_two_smooth) {
+            return Some(Addition::Fewer(corner));
+        }
         // Vertices beyond those of the mesh halve edges of short borders.
         let known: Vec<u32> = path.iter().copied().filter(|&v| (v as usize) < self.mesh.points.len()).collect();
         let middle = known[known.len() / 2];
@@ -253,6 +271,10 @@ impl Plan {
             Addition::Crossing(vertex) => {
                 self.crossings.insert(vertex);
             }
+            Addition::Fewer(corner) => {
+                self.fewer.insert(corner);
+                self.lines.fewer.insert(corner);
+            }
         }
     }
 
@@ -276,10 +298,21 @@ enum Addition {
     Seed(u32),
     Crossing(u32),
     Node(u32),
+    Fewer(u32),
 }
 
-/// The longest border of each region of fewer than three sides, and borders with one region on both sides.
-fn few_sided(work: &Patchwork) -> Vec<Vec<u32>> {
+/// A region of fewer than three sides, or one on both sides of a border.
+#[derive(Debug)]
+struct FewSided {
+    /// Its longest border; the longest smooth one, where it has some.
+    longest: Vec<u32>,
+    /// Whether it has two sides, neither along a crease; and where they meet.
+    has_two_smooth: bool,
+    corners: Vec<u32>,
+}
+
+/// The regions of fewer than three sides, and those that are on both sides of a border.
+fn few_sided(work: &Patchwork) -> Vec<FewSided> {
     let mut found = Vec::new();
     for polygon in &work.polygons {
         let meets_itself = polygon.iter().any(|side| {
@@ -287,13 +320,17 @@ fn few_sided(work: &Patchwork) -> Vec<Vec<u32>> {
             a == b
         });
         if polygon.len() < 3 || meets_itself {
-            let smooth = polygon.iter().filter(|side| !work.borders[side.border].is_sharp);
-            let all = polygon.iter();
-            let longest = |sides: Vec<_>| -> Option<Vec<u32>> {
-                let paths = sides.into_iter().map(|&side| work.path(side));
-                paths.max_by(|a: &Vec<u32>, b: &Vec<u32>| work.length(a).total_cmp(&work.length(b)))
+            let paths = |smooth_only: bool| -> Vec<Vec<u32>> {
+                let sides = polygon.iter().filter(|side| !smooth_only || !work.borders[side.border].is_sharp);
+                sides.map(|&side| work.path(side)).collect()
             };
-            found.extend(longest(smooth.collect()).or_else(|| longest(all.collect())));
+            let [smooth, all] = [true, false].map(paths);
+            let has_two_smooth = smooth.len() == 2 && all.len() == 2;
+            let corners = all.iter().map(|path| path[0]).collect();
+            let longest =
+                |paths: Vec<Vec<u32>>| paths.into_iter().max_by(|a, b| work.length(a).total_cmp(&work.length(b)));
+            let longest = longest(smooth).or_else(|| longest(all));
+            found.extend(longest.map(|longest| FewSided { longest, has_two_smooth, corners }));
         }
     }
     found
