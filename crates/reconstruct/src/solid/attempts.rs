@@ -1,9 +1,10 @@
 //! Fits on layouts of our own: another layout where faces fold, more elements where they are too coarse.
 
+use multi_patch::TURNED_OVER;
 use quad_layout::{BuildOptions, QuadLayout};
 
 use super::part::{Attempt, ELEMENTS, Part};
-use super::report::{SolidReason, SolidReport};
+use super::report::{KINK, SolidReason, SolidReport};
 use crate::{Error, Event, Watch};
 
 /// Radii of regions that are tried, as shares of the diagonal, in this order.
@@ -58,7 +59,12 @@ pub(super) fn best(part: &Part<'_>, watch: &mut Watch<'_>) -> Result<Attempt, Er
     }
     let Some(mut best) = best else { return Err(failure.unwrap_or(Error::NoTriangles)) };
     if part.options.elements.is_none() && !best.attempt.is_reached() {
-        let finer: &[usize] = if best.attempt.is_only_far() { &FINEST } else { &FINER };
+        let is_folded = best.attempt.report.folded_places > 0 || best.attempt.report.angles.max >= TURNED_OVER;
+        let finer: &[usize] = match () {
+            () if best.attempt.is_only_far() => &FINEST,
+            () if is_folded => &FINER,
+            () => &[],
+        };
         for &elements in finer {
             // What was fitted stays where a finer space cannot be.
             let Ok(finer) = part.attempt(&best.layout, elements, watch) else { break };
@@ -108,13 +114,14 @@ impl Attempt {
     }
 }
 
-/// Whether a fit is better than another: by whether it is what was asked for, by how much folds, by the number of faces where neither does,
-/// by the distance.
+/// Whether a fit is better than another: by whether it is what was asked for, by how much folds, by what is creased or turned over, by the number of
+/// faces where nothing is wrong, by the distance.
 fn is_better(attempt: &Attempt, than: &Attempt) -> bool {
     let rank = |of: &Attempt| {
         let SolidReport { folded_faces, folded_places, layout, .. } = &of.report;
         let faces = if of.is_reached() { layout.faces } else { 0 };
-        (!of.is_reached(), folded_faces.len(), *folded_places, faces)
+        let creased = [KINK, TURNED_OVER].iter().filter(|&&angle| of.report.angles.max >= angle).count();
+        (!of.is_reached(), folded_faces.len(), *folded_places, creased, faces)
     };
     let far = |of: &Attempt| of.report.mesh_to_surface.p99.max(of.report.surface_to_mesh.p99);
     rank(attempt).cmp(&rank(than)).then(far(attempt).total_cmp(&far(than))).is_lt()

@@ -12,6 +12,8 @@ use super::super::decoder::shielded;
 use super::{NAME, POINT_OFFSET, RECORD_LENGTH, number};
 use crate::error::ReadErrorKind;
 
+/// Where the version stands, two bytes.
+const VERSION: usize = 24;
 /// Where the lengths of the file's header and the number of variable length records stand.
 const HEADER_LENGTH: usize = 94;
 const RECORD_COUNT: usize = 100;
@@ -97,8 +99,14 @@ pub(super) fn check(bytes: &[u8], table: Option<u32>) -> Result<(), ReadErrorKin
 
 /// The record that describes the compression; `None` where there is none, or it is cut off.
 fn describe(bytes: &[u8]) -> Option<Compression<'_>> {
-    let header = u16::from_le_bytes(number(bytes, HEADER_LENGTH)?);
-    let mut rest = bytes.get(usize::from(header)..)?;
+    let header = usize::from(u16::from_le_bytes(number(bytes, HEADER_LENGTH)?));
+    // The decoder reads the header of the version also where the file says that it is shorter.
+    let least = match number(bytes, VERSION)? {
+        [1, 3] => 235,
+        version if version <= [1, 2] => 227,
+        _ => 375,
+    };
+    let mut rest = bytes.get(header.max(least)..)?;
     for _ in 0..u32::from_le_bytes(number(bytes, RECORD_COUNT)?) {
         let end = RECORD_HEADER + usize::from(u16::from_le_bytes(number(rest, RECORD_DATA_LENGTH)?));
         let record = rest.get(..end)?;
