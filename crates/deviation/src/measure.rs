@@ -323,7 +323,7 @@ impl<'a> Measured<'a> {
         let parameter = |i: u32| parameters.map(|p| [p[[i as usize, 0]], p[[i as usize, 1]]]);
         match &scan.kind {
             Kind::Mesh(mesh) => self.mesh_to_surface(mesh, &parameter, tolerance, thresholds, largest),
-            Kind::Cloud(cloud) => self.cloud_to_surface(scan.points, cloud, &parameter, tolerance, thresholds),
+            Kind::Cloud(cloud) => self.cloud_to_surface(scan.points, cloud, &parameter, tolerance, thresholds, largest),
         }
     }
 
@@ -381,7 +381,7 @@ impl<'a> Measured<'a> {
         let of_one = |parts: &[Part]| {
             let t = parts[0].triangle;
             // Behind the parts stand places of them, which say no more.
-            let judged = |k: usize| Judged { distance: parts[k].distance, most: parts[k].most, cost: 1 };
+            let judged = |k: usize| Judged::new(parts[k].distance, parts[k].most);
             let is_worth = parts.iter().any(|part| part.most > worth);
             let all = if is_worth { pieces(t, mesh.parts_per_side(t as usize), judged) } else { Vec::new() };
             all.into_iter().filter(|piece| piece.judged.most > worth)
@@ -389,7 +389,7 @@ impl<'a> Measured<'a> {
         let open = || parts.chunk_by(|a, b| a.triangle == b.triangle).flat_map(of_one).collect();
         let judge = |t: u32, weights: [f64; 3], reach: f64| {
             let Part { distance, most, .. } = judged(t as usize, weights, 0.0, reach);
-            Judged { distance, most, cost: 1 }
+            Judged::new(distance, most)
         };
         let highest = match largest {
             Largest::Searched => farthest(open(), known, tolerance, &|t| reach(t as usize), &judge),
@@ -428,6 +428,7 @@ impl<'a> Measured<'a> {
         parameter: &(dyn Fn(u32) -> Option<[f64; 2]> + Sync),
         tolerance: f64,
         thresholds: &Thresholds,
+        largest: Largest,
     ) -> ScanSide {
         let judged = |i: usize, enough: f64| {
             let foot = self.search.nearest(points[i], parameter(i as u32), enough);
@@ -438,18 +439,8 @@ impl<'a> Measured<'a> {
         };
         let enough = NEAR_ENOUGH * tolerance;
         let mut parts: Vec<Part> = (0..points.len()).into_par_iter().map(|i| judged(i, enough)).collect();
-        // Distances up to that are only bounds: of the largest ones the nearest points are looked for.
-        let mut by_distance: Vec<usize> = (0..parts.len()).collect();
-        by_distance.sort_unstable_by(|&a, &b| parts[b].distance.total_cmp(&parts[a].distance).then(a.cmp(&b)));
-        let mut known = 0.0_f64;
-        for i in by_distance.into_iter().take(MOST_SEARCHED_AGAIN) {
-            if parts[i].distance <= known {
-                break;
-            }
-            if parts[i].distance <= enough {
-                parts[i] = judged(i, 0.0);
-            }
-            known = known.max(parts[i].distance);
+        if largest == Largest::Searched {
+            search_largest(&mut parts, enough, &|i| judged(i, 0.0));
         }
         // The weight of a point is the square of its spacing.
         side(&parts, &|part| REACH_OF_POINT * part.gathers.sqrt(), tolerance, thresholds)
@@ -548,7 +539,7 @@ impl<'a> Measured<'a> {
         let judge = |found: &Found, reach: f64| {
             let distance = if found.on_rim { none } else { found.band };
             let most = if found.beyond > reach { none } else { found.band + reach * found.steepest };
-            Judged { distance, most, cost: 1 }
+            Judged::new(distance, most)
         };
         let found = self.parts(tolerance, &part, [&judge, &judge], largest);
         let area: f64 = found.iter().map(|f| f.area).sum();
@@ -587,18 +578,18 @@ impl<'a> Measured<'a> {
         };
         // Within the reach another point may be the nearest, whose spacing is smaller: probably a neighbour of the nearest one, certainly
         // one from which the plane half-way to the nearest is within reach.
-        let judged = |found: &Found, reach: f64, least_spacing: f64| Judged {
-            distance: found.counted,
-            most: found.distance + reach - least_spacing,
-            cost: 1,
+        let judged = |found: &Found, reach: f64, least_spacing: f64| {
+            Judged::new(found.counted, found.distance + reach - least_spacing)
         };
+        let probably = |found: &Found, reach: f64| judged(found, reach, cloud.least_spacing[found.nearest as usize]);
         let certainly = |found: &Found, reach: f64| {
             let (mut least, mut visited) = (f64::INFINITY, 0);
             let farthest = (found.distance + 2.0 * reach).next_up();
             let nearest = points[found.nearest as usize];
             cloud.tree.for_each_within(found.place, farthest, |k| {
                 visited += 1;
-                let (other, offset) = (points[k as usize], sub(points[k as usize], found.place));
+                let other = points[k as usize];
+                let offset = sub(other, found.place);
                 let behind = dot(offset, offset) - found.distance * found.distance;
                 if behind <= 2.0 * reach * norm(sub(other, nearest)) {
                     least = least.min(cloud.spacing[k as usize]);
@@ -606,7 +597,6 @@ impl<'a> Measured<'a> {
             });
             Judged { cost: 1 + visited / POINTS_OF_PLACE, ..judged(found, reach, least) }
         };
-        let probably = |found: &Found, reach: f64| judged(found, reach, cloud.least_spacing[found.nearest as usize]);
         let found = self.parts(tolerance, &part, [&probably, &certainly], Largest::Searched);
         let area: f64 = found.iter().map(|f| f.area).sum();
         // Where no point is within two spacings the surface spans a void or reaches beyond the outline.
@@ -702,6 +692,24 @@ fn steepest(offset: [f64; 3], normal: [f64; 3]) -> f64 {
 /// The direction to a foot: the normal, which is exact where the place all but lies on the surface, unless the foot is on the rim.
 fn way_to(foot: &Foot) -> [f64; 3] {
     if foot.on_rim { foot.offset } else { foot.normal }
+}
+
+/// Makes the largest distance of a cloud's points that to a nearest point. Those up to `enough` are only bounds: where none is larger,
+/// the nearest points of the largest ones are looked for, by `nearest`, until no bound exceeds a distance that is known.
+fn search_largest(parts: &mut [Part], enough: f64, nearest: &dyn Fn(usize) -> Part) {
+    if parts.iter().any(|part| part.distance > enough) {
+        return;
+    }
+    let mut by_distance: Vec<usize> = (0..parts.len()).collect();
+    by_distance.sort_unstable_by(|&a, &b| parts[b].distance.total_cmp(&parts[a].distance).then(a.cmp(&b)));
+    let mut known = 0.0_f64;
+    for i in by_distance.into_iter().take(MOST_SEARCHED_AGAIN) {
+        if parts[i].distance <= known {
+            break;
+        }
+        parts[i] = nearest(i);
+        known = known.max(parts[i].distance);
+    }
 }
 
 fn side(parts: &[Part], reach: &dyn Fn(&Part) -> f64, tolerance: f64, thresholds: &Thresholds) -> ScanSide {

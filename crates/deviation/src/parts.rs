@@ -97,6 +97,13 @@ pub(crate) struct Judged {
     pub(crate) cost: usize,
 }
 
+impl Judged {
+    /// One of the usual cost.
+    pub(crate) fn new(distance: f64, most: f64) -> Self {
+        Self { distance, most, cost: 1 }
+    }
+}
+
 /// A part of a triangle that is similar to it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Piece {
@@ -255,7 +262,7 @@ mod tests {
         };
         let judge = |t: u32, w: [f64; 3], reach: f64| {
             let distance = height(t, w);
-            Judged { distance, most: distance + reach, cost: 1 }
+            Judged::new(distance, distance + reach)
         };
         let whole = |t: u32| pieces(t, 1, |_| judge(t, [1.0 / 3.0; 3], 0.75));
         let all: Vec<Piece> = (0..100).flat_map(whole).collect();
@@ -266,7 +273,7 @@ mod tests {
 
     #[test]
     fn a_piece_is_cut_into_parts_that_cover_it() {
-        let mut pieces = pieces(0, 3, |_| Judged { distance: 0.0, most: 0.0, cost: 1 });
+        let mut pieces = pieces(0, 3, |_| Judged::new(0.0, 0.0));
         for _ in 0..2 {
             let parts = |piece: Piece| piece.parts().map(|(middle, size)| Piece { middle, size, ..piece });
             pieces = pieces.into_iter().flat_map(parts).collect();

@@ -80,8 +80,8 @@ fn fit_scan(
         None
     } else if let Some(curved) = judge.scan().curved() {
         // Points can only be added where parameters run on from corner to corner.
-        let is_whole = problem.left_out.is_empty();
-        let laid_out = (!is_whole).then(|| CurvedTriangles::new(places.clone(), problem.triangles.to_vec()));
+        let laid_out = || CurvedTriangles::new(places.clone(), problem.triangles.to_vec());
+        let laid_out = (!problem.left_out.is_empty()).then(laid_out);
         densify(laid_out.as_ref().unwrap_or(curved), problem.parameters, space.periodic())
     } else {
         bridged(&judge, problem.parameters, space.periodic())

@@ -3,11 +3,12 @@
 //! A cell's size and place are those of the tags for pixel scale and tie point, or of a transformation that does not turn; without
 //! them cells have the size 1. GDAL's tag says which height stands for no data.
 
+use std::fmt::Display;
 use std::io::Cursor;
 
+use tiff::ColorType;
 use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
-use tiff::{ColorType, TiffError};
 
 use super::decoder::{self, shielded};
 use super::heights::{self, Axis, Grid, NoData};
@@ -36,7 +37,7 @@ pub(super) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Scan, ReadErrorK
         limits.ifd_value_size = bytes.len();
         limits.intermediate_buffer_size = budget.left();
         limits.decoding_buffer_size = budget.left();
-        let mut tiff = Decoder::new(Cursor::new(bytes)).map_err(damaged)?.with_limits(limits);
+        let mut tiff = Decoder::new(Cursor::new(bytes)).map_err(malformed)?.with_limits(limits);
         let georeference = Georeference::of(&mut tiff)?;
         let mut notes = Vec::new();
         let heights = read_heights(&mut tiff, budget, &georeference.grid, &mut notes)?;
@@ -99,12 +100,8 @@ fn number(bytes: &[u8], is_little: bool, at: u64, length: u64) -> Option<u64> {
     Some(if is_little { digits.iter().rev().fold(0, joined) } else { digits.iter().fold(0, joined) })
 }
 
-fn damaged(error: TiffError) -> ReadErrorKind {
-    decoder::malformed("GeoTIFF", error)
-}
-
-fn malformed(reason: impl Into<String>) -> ReadErrorKind {
-    ReadErrorKind::Malformed { format: "GeoTIFF", reason: reason.into() }
+fn malformed(reason: impl Display) -> ReadErrorKind {
+    decoder::malformed("GeoTIFF", reason)
 }
 
 /// Where the cells are, and what their heights mean.
@@ -116,7 +113,7 @@ struct Georeference {
 
 impl Georeference {
     fn of(tiff: &mut Tiff<'_>) -> Result<Self, ReadErrorKind> {
-        let (columns, rows) = tiff.dimensions().map_err(damaged)?;
+        let (columns, rows) = tiff.dimensions().map_err(malformed)?;
         let counts = [columns as usize, rows as usize];
         let keys = numbers(tiff, Tag::GeoKeyDirectoryTag)?;
         // Four numbers a key, the first four are a header; of keys whose value stands there the second is 0.
@@ -167,12 +164,12 @@ impl Georeference {
 
 /// The numbers of a tag; none where it is not there.
 fn numbers(tiff: &mut Tiff<'_>, tag: Tag) -> Result<Vec<f64>, ReadErrorKind> {
-    match tiff.find_tag(tag).map_err(damaged)? {
+    match tiff.find_tag(tag).map_err(malformed)? {
         None => Ok(Vec::new()),
         Some(value) if tag == Tag::GeoKeyDirectoryTag => {
-            Ok(value.into_u16_vec().map_err(damaged)?.into_iter().map(f64::from).collect())
+            Ok(value.into_u16_vec().map_err(malformed)?.into_iter().map(f64::from).collect())
         }
-        Some(value) => value.into_f64_vec().map_err(damaged),
+        Some(value) => value.into_f64_vec().map_err(malformed),
     }
 }
 
@@ -191,8 +188,8 @@ fn affine(tiff: &mut Tiff<'_>) -> Result<Option<[(f64, f64); 2]>, ReadErrorKind>
 
 /// The mark of no data, as GDAL writes it.
 fn no_data(tiff: &mut Tiff<'_>) -> Result<NoData, ReadErrorKind> {
-    let Some(value) = tiff.find_tag(Tag::GdalNodata).map_err(damaged)? else { return Ok(NoData::None) };
-    let text = value.into_string().map_err(damaged)?;
+    let Some(value) = tiff.find_tag(Tag::GdalNodata).map_err(malformed)? else { return Ok(NoData::None) };
+    let text = value.into_string().map_err(malformed)?;
     Ok(match NumberStyle::POINT.value(text.trim_matches(['\0', ' ']).as_bytes()) {
         Value::Number(number) => NoData::Number(number),
         Value::Missing | Value::Words => NoData::None,
@@ -207,7 +204,7 @@ fn read_heights(
     notes: &mut Vec<String>,
 ) -> Result<Vec<f64>, ReadErrorKind> {
     let (columns, rows) = (grid.x.count, grid.y.count);
-    let (bits, bands) = match tiff.colortype().map_err(damaged)? {
+    let (bits, bands) = match tiff.colortype().map_err(malformed)? {
         ColorType::Gray(bits) => (bits, 1),
         ColorType::Multiband { bit_depth, num_samples } => (bit_depth, usize::from(num_samples).max(1)),
         other => return Err(malformed(format!("it is a picture ({other:?}), no grid of heights"))),
@@ -232,7 +229,7 @@ fn read_heights(
         for k in 0..across {
             let chunk = u32::try_from(band * across + k).map_err(|_| malformed("it has too many chunks"))?;
             let width = chunk_columns.min(columns - k * chunk_columns);
-            let decoded = as_numbers(tiff.read_chunk(chunk).map_err(damaged)?)?;
+            let decoded = as_numbers(tiff.read_chunk(chunk).map_err(malformed)?)?;
             // Bands that lie apart have chunks of their own.
             let stride = if decoded.len() == here * width { 1 } else { bands };
             if decoded.len() != here * width * stride {

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::choose::MOST_SIDES;
 use super::lines::{Lines, Seeds};
 use super::mesh::{Neighbours, WorkMesh};
-use super::patchwork::Patchwork;
+use super::patchwork::{Patchwork, Side};
 use super::refine::part_from_creases;
 use super::regions::{Ground, Regions};
 use super::rungs;
@@ -40,8 +40,6 @@ pub(super) struct Plan {
     crossings: BTreeSet<u32>,
     /// Nodes on creases at which no arc need end.
     nodes: BTreeSet<u32>,
-    /// Corners of creases with one region fewer, see [`Lines::fewer`].
-    fewer: BTreeSet<u32>,
     spacing: f64,
     /// Whether regions reach across narrow faces from crease to crease.
     spans_narrow: bool,
@@ -64,7 +62,6 @@ impl Plan {
             lines,
             crossings,
             nodes: BTreeSet::new(),
-            fewer: BTreeSet::new(),
             spacing,
             spans_narrow,
             single: Vec::new(),
@@ -81,7 +78,8 @@ impl Plan {
     fn split(&mut self) {
         for round in 0..=SPLITS {
             self.neighbours = self.mesh.neighbours();
-            self.lines = Lines { fewer: self.fewer.clone(), ..Lines::trace(&self.mesh) };
+            let fewer = std::mem::take(&mut self.lines.fewer);
+            self.lines = Lines { fewer, ..Lines::trace(&self.mesh) };
             for line in &mut self.lines.lines {
                 let end = line.path.len() - 1;
                 let is_inner = |at: &usize| (line.is_closed || *at > 0) && *at < end;
@@ -184,7 +182,7 @@ impl Plan {
     }
 
     fn size(&self) -> [usize; 4] {
-        [self.single.len(), self.crossings.len(), self.nodes.len(), self.fewer.len()]
+        [self.single.len(), self.crossings.len(), self.nodes.len(), self.lines.fewer.len()]
     }
 
     /// The longest interval along a region: its length, and a vertex in its middle if there is one.
@@ -237,8 +235,9 @@ impl Plan {
     /// crease; one region fewer round the corner of creases that one without a crease began at.
     fn beside(&self, regions: &Regions, few: &FewSided) -> Option<Addition> {
         let path = &few.longest;
-        let is_corner = |v: &&u32| self.lines.corners.contains(v) && !self.fewer.contains(v);
-        if let Some(&corner) = few.corners.iter().find(is_corner).filter(|_| few.has_two_smooth) {
+        let Lines { corners, fewer, .. } = &self.lines;
+        let is_corner = |v: &&u32| corners.contains(v) && !fewer.contains(v);
+        if let Some(&corner) = few.ends_of_two_smooth.iter().find(is_corner) {
             return Some(Addition::Fewer(corner));
         }
         // Vertices beyond those of the mesh halve edges of short borders.
@@ -272,7 +271,6 @@ impl Plan {
                 self.crossings.insert(vertex);
             }
             Addition::Fewer(corner) => {
-                self.fewer.insert(corner);
                 self.lines.fewer.insert(corner);
             }
         }
@@ -306,9 +304,8 @@ enum Addition {
 struct FewSided {
     /// Its longest border; the longest smooth one, where it has some.
     longest: Vec<u32>,
-    /// Whether it has two sides, neither along a crease; and where they meet.
-    has_two_smooth: bool,
-    corners: Vec<u32>,
+    /// Where its sides meet, if it has two and neither is along a crease.
+    ends_of_two_smooth: Vec<u32>,
 }
 
 /// The regions of fewer than three sides, and those that are on both sides of a border.
@@ -320,17 +317,18 @@ fn few_sided(work: &Patchwork) -> Vec<FewSided> {
             a == b
         });
         if polygon.len() < 3 || meets_itself {
-            let paths = |smooth_only: bool| -> Vec<Vec<u32>> {
-                let sides = polygon.iter().filter(|side| !smooth_only || !work.borders[side.border].is_sharp);
-                sides.map(|&side| work.path(side)).collect()
+            let is_smooth = |side: &&Side| !work.borders[side.border].is_sharp;
+            let longest = |sides: &mut dyn Iterator<Item = &Side>| {
+                sides.map(|&side| work.path(side)).max_by(|a, b| work.length(a).total_cmp(&work.length(b)))
             };
-            let [smooth, all] = [true, false].map(paths);
-            let has_two_smooth = smooth.len() == 2 && all.len() == 2;
-            let corners = all.iter().map(|path| path[0]).collect();
-            let longest =
-                |paths: Vec<Vec<u32>>| paths.into_iter().max_by(|a, b| work.length(a).total_cmp(&work.length(b)));
-            let longest = longest(smooth).or_else(|| longest(all));
-            found.extend(longest.map(|longest| FewSided { longest, has_two_smooth, corners }));
+            let Some(longest) = longest(&mut polygon.iter().filter(is_smooth)).or_else(|| longest(&mut polygon.iter()))
+            else {
+                continue;
+            };
+            let has_two_smooth = polygon.len() == 2 && polygon.iter().all(|side| is_smooth(&side));
+            let ends_of_two_smooth =
+                if has_two_smooth { polygon.iter().map(|&side| work.path(side)[0]).collect() } else { Vec::new() };
+            found.push(FewSided { longest, ends_of_two_smooth });
         }
     }
     found
