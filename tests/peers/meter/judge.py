@@ -33,8 +33,9 @@ NEARER = (0.2, 0.05, 0.01)
 SLOPE = 0.2
 # Points round a place, one of which may be the nearest close by.
 OTHERS = 12
-# Farthest places round which the surface is evaluated anew, since it may rise or end between the vertices of its triangles.
-SEEN_AGAIN = 300
+# Farthest places round which the surface is evaluated anew, since it may rise or end between the vertices of its triangles,
+# and how often at most other places are then the farthest.
+SEEN_AGAIN, MOST_TIMES = 20, 15
 # A share by which the largest distance from a cloud may be missed.
 NEAR_LARGEST = 5e-3
 # Places along the outline of a scan, over which the surface may be farthest, and how often the place of the surface over each
@@ -376,10 +377,18 @@ def judge_cloud(points, surface, tolerance, count, seed):
     slack = 2 * (surface.chord + surface.rim_error) + ON_OUTLINE * diagonal
     along, across = beyond_rim(points, distance, near, normals, surface.rim, slack)
     beyond = along > tolerance + spacing
-    farthest = np.argsort(-across)[:SEEN_AGAIN]
-    finer = surface.finer(triangle[farthest])
-    if len(finer[1]):
-        across[farthest] = np.minimum(across[farthest], facets.searcher(*finer)(points[farthest])[0])
+    evaluated = np.zeros(0, dtype=np.int64)
+    vertices = cKDTree(surface.points)
+    for _ in range(MOST_TIMES):
+        some = np.argsort(-across)[:SEEN_AGAIN]
+        # Where a surface is steep its nearest place is not always close to that of the triangles.
+        close = np.isin(surface.triangles, vertices.query(points[some], OTHERS)[1]).any(axis=1)
+        seen = np.union1d(evaluated, np.append(triangle[some], np.flatnonzero(close)))
+        finer = surface.finer(seen)
+        if len(seen) == len(evaluated) or len(finer[1]) == 0:
+            break
+        across[some] = np.minimum(across[some], facets.searcher(*finer)(points[some])[0])
+        evaluated = seen
     result = dict(
         scan_to_surface=statistics(across, points, tolerance, weights),
         points=statistics(distance, points, tolerance),
@@ -397,7 +406,9 @@ def judge_cloud(points, surface, tolerance, count, seed):
 
     found = from_surface(places)
     more_places = uncovered(surface, tree, spacing, found[1].max())
-    high = np.argsort(-found[1][count:][surface.triangles].max(axis=1))[:SEEN_AGAIN]
+    high = np.argsort(-found[1][count:][surface.triangles].max(axis=1))
+    # The highest triangle of each span.
+    high = high[np.sort(np.unique(surface.span[high], return_index=True)[1])[:SEEN_AGAIN]]
     more_places = np.concatenate([more_places, surface.finer(high)[0]])
     further = from_surface(more_places)
     away, excess, outside = (np.concatenate(pair) for pair in zip(found, further))
