@@ -10,7 +10,7 @@ use xtask::corpus::{self, Corpus, Vary};
 use xtask::fuzz::Fuzz;
 use xtask::generate::surface::{Kind, Layout};
 use xtask::generate::{Noise, Sample};
-use xtask::generate::{fixtures, gridded, scattered};
+use xtask::generate::{fixtures, gridded, scattered, solids};
 use xtask::train::Train;
 use xtask::{tables, tidy, workspace_root};
 
@@ -246,6 +246,21 @@ enum Generate {
         #[arg(long, default_value_t = 0)]
         seed: u64,
         /// The file to write.
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Write closed shapes of six kinds as meshes, NAME.off, with their sharp edges, NAME.creases, and what is known of them, solids.json.
+    Solids {
+        /// Kinds of shapes.
+        #[arg(long, value_enum, value_delimiter = ',', default_values_t = solids::Kind::ALL)]
+        kinds: Vec<solids::Kind>,
+        /// Shapes of each kind.
+        #[arg(long, default_value_t = 12)]
+        count: usize,
+        /// Seed of all random numbers.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// The folder to write to.
         #[arg(long)]
         out: PathBuf,
     },
@@ -505,6 +520,10 @@ fn main() -> Result<()> {
                 bail!("not as generated: {}", differing.join(", "));
             }
             println!("{} files are as generated", fixtures::FIXTURES.len());
+        }
+        Arguments::Generate(Generate::Solids { kinds, count, seed, out }) => {
+            let known = solids::write(&out, &kinds, count, seed, &mut |line| println!("{line}"))?;
+            println!("{} meshes in {}", known.len(), out.display());
         }
         Arguments::Generate(Generate::Surface { kind, points, layout, noise, seed, out }) => {
             let layout = layout.unwrap_or(kind.layout());

@@ -44,6 +44,13 @@ impl Format {
         Ok(text.into_bytes())
     }
 
+    /// A file with points and triangles, of a format that has both.
+    pub(super) fn mesh_bytes(self, points: &[[f64; 3]], triangles: &[[usize; 3]]) -> Result<Vec<u8>> {
+        let mut text = String::new();
+        self.mesh(&mut text, points, triangles)?;
+        Ok(text.into_bytes())
+    }
+
     fn mesh(self, out: &mut String, points: &[[f64; 3]], triangles: &[[usize; 3]]) -> Result<()> {
         let (vertices, faces) = (points.len(), triangles.len());
         let (vertex, face, base) = if self == Self::Obj { ("v ", "f ", 1) } else { ("", "3 ", 0) };

@@ -5,6 +5,7 @@ mod format;
 pub mod gridded;
 mod mesh;
 pub mod scattered;
+pub mod solids;
 pub mod surface;
 
 use std::f64::consts::TAU;
