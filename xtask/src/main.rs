@@ -396,13 +396,25 @@ enum Tables {
         /// A Python interpreter with the packages of tests/peers/requirements.txt.
         #[arg(long, value_name = "PROGRAM", default_value = "python3")]
         python: PathBuf,
+        /// The program; target/release/thb of the workspace by default.
+        #[arg(long, value_name = "PROGRAM")]
+        thb: Option<PathBuf>,
         /// Elements along each side of a patch of a given layout.
         #[arg(long, default_value_t = 4)]
         elements: usize,
-        /// Weight of smooth joins.
-        #[arg(long, default_value_t = 1.0)]
-        smoothness: f64,
-        /// A folder for the STEP files, target/solids by default.
+        /// Generated shapes of each kind.
+        #[arg(long, default_value_t = 12)]
+        count: usize,
+        /// Seed of the generated shapes.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// Parts whose names contain this, and no others.
+        #[arg(long)]
+        only: Option<String>,
+        /// Go on with a run that was cut off, if the code has not changed since.
+        #[arg(long)]
+        resume: bool,
+        /// A folder for meshes, STEP files and finished rows, target/solids by default.
         #[arg(long)]
         steps: Option<PathBuf>,
         /// The file to write, docs/results/solids.md by default.
@@ -591,14 +603,25 @@ fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result
             let missing = data.is_none().then_some("measured clouds need --data DIR and were left out");
             ("rwls", out, missing, tables::rwls::document(data.as_deref())?)
         }
-        Tables::Solids { data, python, elements, smoothness, steps, out } => {
+        Tables::Solids { data, python, thb, elements, count, seed, only, resume, steps, out } => {
             let Some(data) = data else {
                 say("skipped: solids need --data DIR");
                 return Ok(());
             };
             let folder = steps.unwrap_or_else(|| root.join("target/solids"));
-            let solids =
-                tables::solids::Solids { data: &data, python: &python, root, elements, smoothness, out: &folder };
+            let thb = thb.unwrap_or_else(|| root.join("target/release/thb"));
+            let solids = tables::solids::Solids {
+                data: &data,
+                python: &python,
+                thb: &thb,
+                root,
+                elements,
+                count,
+                seed,
+                only: only.as_deref(),
+                resume,
+                out: &folder,
+            };
             ("solids", out, None, tables::solids::document(&solids, say)?)
         }
         Tables::Truth { data, python, only, resume, cache, out } => {

@@ -190,31 +190,56 @@ def in_planes(triangles, normals):
     return np.bincount(label)[label] >= PLANE_FACETS
 
 
-def corner_normals(points, triangles):
+def corner_normals(points, triangles, creases=None):
     """Unit normals (n, 3, 3) at the corners of the triangles: means by area over the facets at the vertex that are not
-    turned by more than the crease. A facet of a plane has its own normal at all corners, and its neighbours have it
-    where they touch it."""
+    turned by more than the crease; where `creases` (n, 2) are given, over those that are reached round the vertex without
+    crossing one of these edges. A facet of a plane has its own normal at all corners, and its neighbours have it where they
+    touch it."""
     doubled = doubled_normals(points, triangles)
     normals = unit(doubled)
     plane = in_planes(triangles, normals)
-    corner_vertex = triangles.reshape(-1)
-    order = np.argsort(corner_vertex, kind="stable")
-    count = np.bincount(corner_vertex, minlength=len(points))
-    start = np.cumsum(count) - count
-    # Each corner with every corner at its vertex.
-    there = count[corner_vertex]
-    one = np.repeat(np.arange(len(corner_vertex)), there)
-    within = np.arange(len(one)) - np.repeat(np.cumsum(there) - there, there)
-    other = order[start[corner_vertex[one]] + within]
-    alike = dot(normals[one // 3], normals[other // 3]) >= np.cos(np.radians(CREASE_DEGREES))
-    one, other = one[alike], other[alike] // 3
+    one, other = corners_alike(points, triangles, normals) if creases is None else corners_reached(triangles, creases)
+    other = other // 3
     weight = np.where(plane[other], PLANE_WEIGHT, 1.0)
-    sums = np.column_stack(
-        [np.bincount(one, weight * doubled[other, d], minlength=len(corner_vertex)) for d in range(3)]
-    )
+    sums = np.column_stack([np.bincount(one, weight * doubled[other, d], minlength=triangles.size) for d in range(3)])
     sums = unit(sums).reshape(-1, 3, 3)
     sums[plane] = normals[plane][:, None]
     return sums
+
+
+def together(groups):
+    """All pairs of positions of `groups` with one number, those of a position with itself among them."""
+    order = np.argsort(groups, kind="stable")
+    count = np.bincount(groups)
+    start = np.cumsum(count) - count
+    there = count[groups]
+    one = np.repeat(np.arange(len(groups)), there)
+    within = np.arange(len(one)) - np.repeat(np.cumsum(there) - there, there)
+    return one, order[start[groups[one]] + within]
+
+
+def corners_alike(points, triangles, normals):
+    """Pairs of corners at one vertex whose facets are not turned by more than the crease."""
+    one, other = together(triangles.reshape(-1))
+    alike = dot(normals[one // 3], normals[other // 3]) >= np.cos(np.radians(CREASE_DEGREES))
+    return one[alike], other[alike]
+
+
+def corners_reached(triangles, creases):
+    """Pairs of corners at one vertex, of facets that are joined there by edges of two facets that are no creases."""
+    ends, number, uses, keys = edges_of(triangles)
+    creases = np.sort(np.reshape(creases, (-1, 2)), axis=1)
+    is_crease = np.isin(keys, creases[:, 0] * (triangles.max() + 1) + creases[:, 1])
+    order = np.argsort(number, kind="stable")
+    first = (np.cumsum(uses) - uses)[(uses == 2) & ~is_crease]
+    links = []
+    # Of each of the two facets the corners at both ends of the edge, the smaller vertex first.
+    sides = [order[first], order[first + 1]]
+    for end in (0, 1):
+        links.append([3 * (side // 3) + (triangles[side // 3] == ends[side, end][:, None]).argmax(axis=1) for side in sides])
+    one, other = np.concatenate(links, axis=1)
+    linked = coo_matrix((np.ones(len(one)), (one, other)), shape=(triangles.size,) * 2)
+    return together(connected_components(linked, directed=False)[1])
 
 
 def curved_height(points, triangles, corners, which, weights, most=np.inf):

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::draw::{between, rotation};
 use super::outline::{Section, rounded};
-use super::part::{Made, Part, ROW};
+use super::part::{Made, Part, ROUND, ROW};
 use super::planar::cap;
 use super::rings::Ring;
 
@@ -113,7 +113,7 @@ pub(super) fn make(number: usize, random: &mut ChaCha8Rng) -> Result<Made> {
 
 fn meshed(shape: &Rounded, edge: f64, random: &mut ChaCha8Rng) -> Result<Part> {
     let mut part = Part::default();
-    let lengths = [edge, edge.min(0.5 * shape.upright)];
+    let lengths = [edge, edge.min(ROUND * shape.upright)];
     let rings: Vec<(Ring, Vec<Section>)> = shape
         .rows(edge)
         .into_iter()

@@ -7,12 +7,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::draw::{between, rotation};
 use super::outline::{Section, area, rounded};
-use super::part::{Made, Part, ROW};
+use super::part::{Made, Part, ROUND, ROW};
 use super::planar::cap;
 use super::rings::Ring;
 
-/// Longest edge of a round section, in radii: twelve and more edges a turn.
-const ROUND: f64 = 0.5;
 /// Places that are drawn for a hole before there is none.
 const DRAWS: usize = 10_000;
 /// Least distance between holes, and from holes to the outline, in sizes of the part.

@@ -12,6 +12,9 @@ pub(super) type Point = [f64; 3];
 /// Derived: √3/2.
 pub(super) const ROW: f64 = 0.866_025_403_784_438_6;
 
+/// Longest edge of a round section, in radii: 21 and more edges a turn, which lie within 0.012 radii of it.
+pub(super) const ROUND: f64 = 0.3;
+
 /// A closed mesh, its triangles counter-clockwise from outside.
 #[derive(Clone, Debug, Default)]
 pub struct Part {

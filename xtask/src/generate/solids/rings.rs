@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::outline::Section;
-use super::part::{Part, Point};
+use super::part::{Part, Point, ROUND};
 
 /// Vertices in order; the last one is the first again.
 #[derive(Clone, Debug)]
@@ -14,14 +14,14 @@ pub(super) struct Ring {
 }
 
 impl Ring {
-    /// A circle round the z axis, counter-clockwise from above, with edges of about that length; a point, of radius 0. Every
+    /// A circle round the z axis, counter-clockwise from above, with edges of about that length, at most `ROUND` radii; a point, of radius 0. Every
     /// second ring (`odd`) is turned by half an edge.
     pub(super) fn circle(part: &mut Part, radius: f64, z: f64, edge: f64, odd: bool) -> Self {
         if radius == 0.0 {
             let pole = part.add([0.0, 0.0, z]);
             return Self { keys: vec![0.0, 1.0], vertices: vec![pole; 2] };
         }
-        let count = (TAU * radius / edge).round().max(6.0);
+        let count = (TAU * radius / edge.min(ROUND * radius)).round();
         let phase = if odd { 0.5 / count } else { 0.0 };
         let keys: Vec<f64> = (0..=count as usize).map(|k| phase + k as f64 / count).collect();
         let mut vertices: Vec<usize> = keys[1..]

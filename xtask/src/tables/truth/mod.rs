@@ -25,6 +25,9 @@ const EXIT_SUCCESS: u8 = 0;
 const EXIT_ERROR: u8 = 1;
 const EXIT_FAILED: u8 = 3;
 
+/// What results depend on, below the root of the workspace.
+const CODE: [&str; 3] = ["crates", "Cargo.lock", "tests/peers"];
+
 /// The meter, below the root of the workspace.
 const METER: &str = "tests/peers/measure_step.py";
 
@@ -49,7 +52,7 @@ pub struct Truth<'a> {
 pub fn document(truth: &Truth<'_>, log: &mut dyn FnMut(&str)) -> Result<String> {
     let root = crate::workspace_root();
     check_python(truth.python)?;
-    let commit = commit(&root);
+    let commit = crate::process::commit(&root, &CODE);
     let mut cache = Cache::open(truth, &commit)?;
     let surfaces = truth.cache.with_extension("surfaces");
     fs::create_dir_all(&surfaces).with_context(|| format!("cannot create {}", surfaces.display()))?;
@@ -125,21 +128,6 @@ fn check_python(python: &Path) -> Result<()> {
         bail!("{} lacks packages of tests/peers/requirements.txt: {last}", python.display());
     }
     Ok(())
-}
-
-/// What results depend on, below the root of the workspace.
-const CODE: [&str; 3] = ["crates", "Cargo.lock", "tests/peers"];
-
-/// The last commit that changed the code, with a plus sign if files differ from it; `unknown` without Git.
-fn commit(root: &Path) -> String {
-    let git = |arguments: &[&str]| {
-        let output = Command::new("git").arg("-C").arg(root).args(arguments).arg("--").args(CODE).output().ok()?;
-        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
-    };
-    match (git(&["log", "-1", "--format=%h", "--abbrev=10"]), git(&["status", "--porcelain"])) {
-        (Some(commit), Some(changes)) => commit + if changes.is_empty() { "" } else { "+" },
-        _ => "unknown".to_owned(),
-    }
 }
 
 /// Fits a file, writes the surface and has it measured.
