@@ -34,6 +34,8 @@ EDGE_PIECES = 64
 COARSE_SHARE = 2e-4
 # Halvings of the triangles of a trimmed face.
 TRIMMED_HALVINGS = 4
+# Parameters that differ by this share of a face's rectangle are one: curves on faces are projected by Open CASCADE.
+SAME_PARAMETER = 1e-6
 # Lengths below this share of the diagonal are round-off.
 ROUND_OFF = 1e-9
 
@@ -141,14 +143,13 @@ def welded(points, triangles):
 def fills_rectangle(face):
     """Whether the edges of a face lie on the sides of its rectangle of parameters."""
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
-    slack = 1e-6
     for edge, _ in edges_with_orientations([face]):
         curve = BRepAdaptor_Curve2d(edge, face)
         first, last = curve.FirstParameter(), curve.LastParameter()
         places = [curve.Value(first + t * (last - first)) for t in (0.25, 0.5, 0.75)]
         u = np.array([(place.X() - u0) / (u1 - u0) for place in places])
         v = np.array([(place.Y() - v0) / (v1 - v0) for place in places])
-        if not any(np.abs(x - side).max() < slack for x in (u, v) for side in (0, 1)):
+        if not any(np.abs(x - side).max() < SAME_PARAMETER for x in (u, v) for side in (0, 1)):
             return False
     return True
 
@@ -159,7 +160,7 @@ def control_net(face):
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
     surface = BRep_Tool.Surface_s(face)
     if not isinstance(surface, Geom_BSplineSurface) or not np.allclose(
-        surface.Bounds(), (u0, u1, v0, v1), rtol=0, atol=1e-12
+        surface.Bounds(), (u0, u1, v0, v1), rtol=0, atol=SAME_PARAMETER * max(u1 - u0, v1 - v0)
     ):
         surface = GeomConvert.SurfaceToBSplineSurface_s(Geom_RectangularTrimmedSurface(surface, u0, u1, v0, v1))
     surface.SetUNotPeriodic()
