@@ -408,9 +408,9 @@ enum Tables {
         /// Seed of the generated shapes.
         #[arg(long, default_value_t = 0)]
         seed: u64,
-        /// Parts whose names contain this, and no others.
-        #[arg(long)]
-        only: Option<String>,
+        /// Parts whose names contain one of these, and no others.
+        #[arg(long, value_delimiter = ',')]
+        only: Vec<String>,
         /// Go on with a run that was cut off, if the code has not changed since.
         #[arg(long)]
         resume: bool,
@@ -618,7 +618,7 @@ fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result
                 elements,
                 count,
                 seed,
-                only: only.as_deref(),
+                only: &only,
                 resume,
                 out: &folder,
             };

@@ -13,7 +13,7 @@ use crate::feet::follow;
 use crate::problem::Problem;
 use crate::samples::Samples;
 use crate::term::{State, Term};
-use crate::terms::{Angles, Data, Kinks, Plates};
+use crate::terms::{Angles, Data, Form, Plates, angle_energy};
 use crate::{Error, Options, Surface};
 
 /// Weight of the plates in the first step, and what it is multiplied by from step to step: parameters settle on a stiff surface first.
@@ -23,19 +23,12 @@ use crate::{Error, Options, Surface};
 const FIRST_PLATES: f64 = 1e-4;
 const PLATES_FACTOR: f64 = 0.5;
 
-/// ω of the first stage, as a share of what is asked for up to 1: the form with held factors needs little weight to tell where neighbours'
-/// planes are, and with 1 steps bend the figure.
+/// ω of the whole vector v in the first stage of a second attempt, as a share of what is asked for up to 1, and in its Gauss–Newton steps.
 ///
-/// Calibrated: as [`FIRST_PLATES`].
-const KINKS_SHARE: f64 = 0.1;
-
-/// Weight of the vector form in Gauss–Newton steps on the angles, as a share of that for ω = 1. The sine has a second root at 180°, and with
-/// lengths held a step may go there by way of a derivative of length 0; the vector form makes such steps dear, and steps that keep
-/// the planes' directions along the arc cheap.
-///
-/// Calibrated: as [`FIRST_PLATES`]. Without it two of the four fold; with three and thirty times as much the largest angles are larger by some
-/// tenths and by a factor of 2 to 3.
-const HELD_SHARE: f64 = 0.003 / 9.0;
+/// Calibrated: on layouts of a blob, a double torus, a figure and a mechanical part, by folds and the largest angle. Without it in the
+/// steps two of the four fold; with three and thirty times as much the largest angles are larger by some tenths and by a factor of 2 to 3.
+const FIRST_SHARE: f64 = 0.1;
+const HELD_SHARE: f64 = 0.018;
 
 /// h, the length that angles are multiplied by, is this times the diagonal / (√P n), for P patches of n × n elements: about three times the
 /// size of an element.
@@ -44,11 +37,6 @@ const HELD_SHARE: f64 = 0.003 / 9.0;
 /// divides the 99th percentile of angles by 2.8 in the median, and that of distances grows by 1.1 % at most. The largest angle grows on
 /// three (`bull`, `camel`, `joint`).
 const ANGLE_LENGTH: f64 = 2.1;
-
-/// Halvings of a Gauss–Newton step that raises the objective; after these it ends.
-///
-/// Limit: 2⁻⁶ of a step changes the surface by too little to go on.
-const HALVINGS: usize = 6;
 
 /// One step of a fit, for logs and reports.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -81,6 +69,7 @@ pub(crate) struct Fit<'a> {
     pub(crate) space: &'a Arc<MultiPatchSpace>,
     pub(crate) sharp: &'a [bool],
     elements: Arc<[ArcElement]>,
+    form: Form,
     pub(crate) plates: Plates,
     solver: Solver,
     pub(crate) samples: Samples,
@@ -93,8 +82,8 @@ pub(crate) struct Fit<'a> {
 
 /// Fits a surface to samples.
 ///
-/// First the vector form of the angle term while μ falls, with a pass of foot points a step; then Gauss–Newton steps on the angles; then
-/// these again with stiffer plates where the surface turns over. The result does not depend on the number of threads.
+/// First data and plates while μ falls, with a pass of foot points a step; then Gauss–Newton steps with the angles; then these again with
+/// stiffer plates where the surface turns over. The result does not depend on the number of threads.
 ///
 /// # Errors
 /// [`Error`].
@@ -105,15 +94,27 @@ pub fn fit(problem: Problem<'_>, options: &Options) -> Result<Fitted, Error> {
     let span = tracing::info_span!("multi_patch_fit", functions, samples);
     let _guard = span.enter();
     let outward = problem.outward;
-    let mut fit = Fit::new(problem, options)?;
-    fit.first_stage(options)?;
-    fit.second_stage(options)?;
-    fit.unfold(outward, options)?;
+    let attempt = |form| -> Result<(Fit<'_>, usize), Error> {
+        let problem = Problem { samples: problem.samples.clone(), ..problem };
+        let mut fit = Fit::new(problem, form, options)?;
+        fit.first_stage(options)?;
+        fit.second_stage(options)?;
+        let turned = fit.unfold(outward, options)?;
+        Ok((fit, turned))
+    };
+    let (mut fit, turned) = attempt(Form::AcrossPlanes)?;
+    if turned > 0 && options.smoothness > 0.0 {
+        let (other, of_other) = attempt(Form::Whole)?;
+        tracing::info!(turned, of_other, "the whole form");
+        if of_other < turned {
+            fit = other;
+        }
+    }
     fit.finish(options)
 }
 
 impl<'a> Fit<'a> {
-    fn new(problem: Problem<'a>, options: &Options) -> Result<Self, Error> {
+    fn new(problem: Problem<'a>, form: Form, options: &Options) -> Result<Self, Error> {
         let Problem { space, sharp, sizes, mut samples, .. } = problem;
         // Lengths in diagonals; coordinates are small already where parts lie near the origin.
         samples.iter_mut().for_each(|sample| sample.point = sample.point.map(|x| x / options.diagonal));
@@ -138,6 +139,7 @@ impl<'a> Fit<'a> {
             coefficients,
             unit_of_angles: size * size / smooth_arcs.max(1) as f64,
             elements: elements.into(),
+            form,
             steps: Vec::new(),
         })
     }
@@ -151,18 +153,22 @@ impl<'a> Fit<'a> {
         Ok(SplineMap::new(Arc::clone(self.space), values)?)
     }
 
-    /// The step of the sum of data, plates and `further` terms.
-    fn step(&mut self, further: &[&dyn Term], is_coupled: bool) -> Result<Vec<f64>, Error> {
-        let mut equations = self.solver.equations(is_coupled)?;
+    /// The whole form of the angle term, unless it has no weight.
+    fn whole(&self, smoothness: f64) -> Option<Angles> {
+        let scale = smoothness * smoothness * self.unit_of_angles;
+        (scale > 0.0).then(|| Angles::frozen(Arc::clone(&self.elements), scale, Form::Whole, &self.coefficients))
+    }
+
+    /// Moves the coefficients to the least sum of data, plates and angles, all of them quadratic.
+    fn step(&mut self, angles: &[Angles]) -> Result<(), Error> {
+        let mut equations = self.solver.equations(!angles.is_empty())?;
         let state = State { space: self.space, coefficients: &self.coefficients, samples: &self.samples };
         Data.linearize(&state, &mut equations);
         self.plates.linearize(&state, &mut equations);
-        further.iter().for_each(|term| term.linearize(&state, &mut equations));
-        self.solver.solve(equations)
-    }
-
-    fn moved(&self, step: &[f64], share: f64) -> Vec<f64> {
-        self.coefficients.iter().zip(step).map(|(c, d)| c + share * d).collect()
+        angles.iter().for_each(|angles| angles.linearize(&state, &mut equations));
+        let step = self.solver.solve(equations)?;
+        self.coefficients.iter_mut().zip(step).for_each(|(c, d)| *c += d);
+        Ok(())
     }
 
     /// Parameters follow the surface.
@@ -174,28 +180,25 @@ impl<'a> Fit<'a> {
 
     fn note(&mut self, plates: f64, smoothness: f64) {
         let state = State { space: self.space, coefficients: &self.coefficients, samples: &self.samples };
-        let angles = Angles { elements: &self.elements, scale: self.unit_of_angles };
-        let step = Step { plates, smoothness, data: Data.energy(&state), angles: angles.energy(&self.coefficients) };
+        let angles = angle_energy(&self.elements, self.unit_of_angles, &self.coefficients);
+        let step = Step { plates, smoothness, data: Data.energy(&state), angles };
         tracing::info!(?step, "step");
         self.steps.push(step);
     }
 
-    /// μ falls to what is asked for, with the vector form of the angle term but for the first step, which has no surface yet.
+    /// μ falls to what is asked for, without the angle term.
     fn first_stage(&mut self, options: &Options) -> Result<(), Error> {
         let mut plates = FIRST_PLATES.max(options.plates);
-        let smoothness = KINKS_SHARE * options.smoothness.min(1.0);
         loop {
-            self.set_plates(plates);
-            let elements = Arc::clone(&self.elements);
-            let scale = smoothness * smoothness * self.unit_of_angles;
             let is_first = self.steps.is_empty();
-            let step = {
-                let kinks = (!is_first && scale > 0.0).then(|| Kinks::frozen(&elements, scale, &self.coefficients));
-                let further: Vec<&dyn Term> = kinks.iter().map(|kinks| kinks as &dyn Term).collect();
-                self.step(&further, false)
+            self.set_plates(plates);
+            let smoothness = match self.form {
+                Form::Whole if !is_first => FIRST_SHARE * options.smoothness.min(1.0),
+                _ => 0.0,
             };
-            self.coefficients = self.moved(&step?, 1.0);
-            self.note(plates, if is_first { 0.0 } else { smoothness });
+            let whole = self.whole(smoothness);
+            self.step(whole.as_slice())?;
+            self.note(plates, smoothness);
             self.follow()?;
             if plates <= options.plates && !is_first {
                 return Ok(());
@@ -204,41 +207,24 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Gauss–Newton steps with the angles themselves.
+    /// Gauss–Newton steps with the angles.
     pub(crate) fn second_stage(&mut self, options: &Options) -> Result<(), Error> {
         self.set_plates(options.plates);
         let scale = options.smoothness * options.smoothness * self.unit_of_angles;
-        let held = HELD_SHARE * options.smoothness.min(1.0).powi(2) * self.unit_of_angles;
+        if scale == 0.0 {
+            return Ok(());
+        }
         for _ in 0..options.angle_steps {
-            if scale == 0.0 {
-                break;
-            }
             let elements = Arc::clone(&self.elements);
-            let angles = Angles { elements: &elements, scale };
-            let frozen = angles.frozen(&self.coefficients);
-            let kinks = Kinks::frozen(&elements, held, &self.coefficients);
-            let terms: [&dyn Term; 2] = [&frozen, &kinks];
-            let step = self.step(&terms, true);
-            let taken = step.map(|step| self.search(&step, &terms));
-            let Some(taken) = taken? else { break };
-            self.coefficients = taken;
+            let mut terms = vec![Angles::frozen(elements, scale, Form::AcrossPlanes, &self.coefficients)];
+            if self.form == Form::Whole {
+                terms.extend(self.whole(HELD_SHARE * options.smoothness.min(1.0)));
+            }
+            self.step(&terms)?;
             self.note(options.plates, options.smoothness);
             self.follow()?;
         }
         Ok(())
-    }
-
-    /// The coefficients after the longest of a step, its half, and so on, that lowers the objective with lengths held: the one that the
-    /// step was made for. Where a fold is left, angles of the whole may grow in a step that undoes it.
-    fn search(&self, step: &[f64], further: &[&dyn Term]) -> Option<Vec<f64>> {
-        let objective = |coefficients: &[f64]| {
-            let state = State { space: self.space, coefficients, samples: &self.samples };
-            let further: f64 = further.iter().map(|term| term.energy(&state)).sum();
-            Data.energy(&state) + self.plates.energy(&state) + further
-        };
-        let before = objective(&self.coefficients);
-        let shares = (0..=HALVINGS).map(|halvings| 0.5_f64.powi(halvings as i32));
-        shares.map(|share| self.moved(step, share)).find(|moved| objective(moved) < before)
     }
 
     fn finish(self, options: &Options) -> Result<Fitted, Error> {

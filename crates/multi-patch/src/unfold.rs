@@ -11,7 +11,7 @@ use crate::{Error, Options};
 /// What the stiffness of functions is multiplied by where the surface turns over.
 ///
 /// Calibrated: on layouts of `bear` and `part` of which 6 and 47 places turn over, all are undone with 2 and 3, with 10 one and 53 are
-/// left; steps of the vector form in between leave 1 and 6.
+/// left.
 const STIFFER: f64 = 3.0;
 
 /// Rounds of stiffening that leave no fewer places turned over than the best before, after which it ends.
@@ -23,12 +23,13 @@ const UNFOLDINGS_IN_VAIN: usize = 3;
 const STEPS: usize = 2;
 
 impl Fit<'_> {
-    /// Where the surface turns over, cells and those around are made stiffer until it does so nowhere, or that no longer helps.
+    /// Where the surface turns over, cells and those around are made stiffer until it does so nowhere, or that no longer helps. How many places
+    /// are left.
     pub(crate) fn unfold(
         &mut self,
         outward: &(dyn Fn([f64; 3], [f64; 3]) -> [f64; 3] + Sync),
         options: &Options,
-    ) -> Result<(), Error> {
+    ) -> Result<usize, Error> {
         let turned = |fit: &Self| -> Result<Vec<usize>, Error> {
             let surface = fit.surface(&fit.coefficients, options.diagonal)?;
             let mut turned = turned_places(&surface, outward);
@@ -56,7 +57,8 @@ impl Fit<'_> {
                 in_vain = 0;
             }
         }
-        (_, self.coefficients, self.samples) = best;
-        Ok(())
+        let left;
+        (left, self.coefficients, self.samples) = best;
+        Ok(left)
     }
 }

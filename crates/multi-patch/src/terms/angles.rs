@@ -7,16 +7,17 @@
 //! v = D_L / a_L + D_R / a_R − γ T,    γ = (D_L / a_L + D_R / a_R) · T / |T|²,
 //! ```
 //!
-//! vanishes; in general |v| = 2 sin(θ/2) for an angle θ between the half planes. To first order |v| is also the sine
+//! vanishes; in general |v| = 2 sin(θ/2) for an angle θ between the half planes, and v is perpendicular to both T and the plane between them.
 //!
-//! ```text
-//! θ = det(T, D_L, D_R) / (|T| a_L a_R).
-//! ```
-//!
-//! [`Kinks`] is the form |v|² with factors held: it leaves coordinates apart and tells a fold (θ = 180°, |v| = 2) from a smooth join, where the sine
-//! is zero both times. [`Angles`] is θ² itself.
+//! For a step, 1/a_L, 1/a_R, γ and the normal n of that plane are held where the surface is, and n · v counts: a linear form. What moves
+//! along the planes leaves it as it is. (|v|² with these factors held does not: where an arc ends on a crease whose two sides are not quite
+//! one direction, it turns T into that of the crease, and in a flat face nothing else holds T. Nor does the sine
+//! det(T, D_L, D_R) / (|T| a_L a_R) with lengths held, which vanishes there, too.) Where the surface is folded over, θ beyond 90°, n · v is
+//! small, and all of v counts, which is 2 there.
 
-use point_cloud::vec3::{add, cross, dot, norm, scale as scaled, sub};
+use std::sync::Arc;
+
+use point_cloud::vec3::{add, cross, dot, norm, scale as scaled, sub, unit};
 use rayon::prelude::*;
 
 use crate::arc_points::{ArcElement, ArcPoint, Derivatives};
@@ -49,91 +50,59 @@ impl Lengths {
     }
 }
 
-/// The sine of the angle.
-fn sine([t, left, right]: &Derivatives, lengths: &Lengths) -> f64 {
-    dot(cross(*t, *left), *right) / lengths.product()
+/// Which part of v counts where the surface is not folded over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// n · v.
+    AcrossPlanes,
+    /// All of it.
+    Whole,
 }
 
-/// `scale · Σ_arcs Σ_k w_k |v|²` with the factors 1/a_L, 1/a_R and γ held where they were frozen: quadratic.
-pub(crate) struct Kinks<'a> {
-    elements: &'a [ArcElement],
-    scale: f64,
-    /// Of each element's points the factors of D_L, D_R and T.
-    factors: Vec<Vec<[f64; 3]>>,
-}
-
-impl<'a> Kinks<'a> {
-    /// Freezes the factors at the coefficients.
-    pub(crate) fn frozen(elements: &'a [ArcElement], scale: f64, coefficients: &[f64]) -> Self {
-        let factor = |element: &ArcElement, point: &ArcPoint| {
-            let derivatives = element.derivatives(point, coefficients);
-            let lengths = Lengths::of(&derivatives);
-            let [t, left, right] = derivatives;
-            let [alpha, beta] = lengths.across.map(f64::recip);
-            let both = add(scaled(alpha, left), scaled(beta, right));
-            [alpha, beta, -dot(both, t) / (lengths.along * lengths.along)]
-        };
-        let factors = elements.iter().map(|e| e.points.iter().map(|point| factor(e, point)).collect()).collect();
-        Self { elements, scale, factors }
-    }
-}
-
-/// What an element adds: a matrix in its functions, or in their three coordinates each, and a right-hand side.
+/// What an element adds: a matrix in three coordinates of each of its functions, and a right-hand side.
 struct Added {
     matrix: Vec<f64>,
     right: Vec<f64>,
 }
 
-impl Kinks<'_> {
+/// v at a point, its factors held: a combination of the element's functions, and which parts of it count.
+struct Held {
+    /// 1/a_L, 1/a_R and −γ.
+    factors: [f64; 3],
+    /// Unit directions in which v counts.
+    directions: Vec<[f64; 3]>,
+}
+
+impl Held {
+    fn new(derivatives: &Derivatives, form: Form) -> Self {
+        let lengths = Lengths::of(derivatives);
+        let [t, left, right] = *derivatives;
+        let factors = lengths.across.map(f64::recip);
+        let both = add(scaled(factors[0], left), scaled(factors[1], right));
+        let normals = [unit(cross(t, left)), unit(cross(right, t))];
+        let directions = if form == Form::AcrossPlanes && dot(normals[0], normals[1]) > 0.0 {
+            vec![unit(add(normals[0], normals[1]))]
+        } else {
+            vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        };
+        Self { factors: [factors[0], factors[1], -dot(both, t) / (lengths.along * lengths.along)], directions }
+    }
+
     /// v as a combination of the element's functions.
-    fn weights(point: &ArcPoint, [alpha, beta, gamma]: [f64; 3]) -> Vec<f64> {
+    fn weights(&self, point: &ArcPoint) -> Vec<f64> {
+        let [alpha, beta, gamma] = self.factors;
         let sides = point.inward[0].iter().zip(&point.inward[1]);
         sides.zip(&point.along).map(|((left, right), along)| alpha * left + beta * right + gamma * along).collect()
     }
-
-    fn value(element: &ArcElement, weights: &[f64], coefficients: &[f64]) -> [f64; 3] {
-        let mut sum = [0.0; 3];
-        for (&function, weight) in element.functions.iter().zip(weights) {
-            (0..3).for_each(|k| sum[k] += weight * coefficients[3 * function as usize + k]);
-        }
-        sum
-    }
 }
 
-impl Term for Kinks<'_> {
-    fn energy(&self, at: &State<'_>) -> f64 {
-        let mut sum = 0.0;
-        for (element, factors) in self.elements.iter().zip(&self.factors) {
-            for (point, &factors) in element.points.iter().zip(factors) {
-                let v = Self::value(element, &Self::weights(point, factors), at.coefficients);
-                sum += point.weight * dot(v, v);
-            }
-        }
-        self.scale * sum
+/// v for coefficients.
+fn value(element: &ArcElement, weights: &[f64], coefficients: &[f64]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for (&function, weight) in element.functions.iter().zip(weights) {
+        (0..3).for_each(|k| sum[k] += weight * coefficients[3 * function as usize + k]);
     }
-
-    fn linearize(&self, at: &State<'_>, equations: &mut Equations) {
-        let add = |(element, factors): (&ArcElement, &Vec<[f64; 3]>)| {
-            let n = element.functions.len();
-            let mut added = Added { matrix: vec![0.0; n * n], right: vec![0.0; 3 * n] };
-            for (point, &factors) in element.points.iter().zip(factors) {
-                let weights = Self::weights(point, factors);
-                let v = Self::value(element, &weights, at.coefficients);
-                for (i, wi) in weights.iter().enumerate() {
-                    let factor = self.scale * point.weight * wi;
-                    (0..3).for_each(|k| added.right[3 * i + k] -= factor * v[k]);
-                    let row = &mut added.matrix[i * n..(i + 1) * n];
-                    row.iter_mut().zip(&weights).for_each(|(m, wj)| *m += factor * wj);
-                }
-            }
-            added
-        };
-        let all: Vec<Added> = self.elements.par_iter().zip(&self.factors).map(add).collect();
-        for (element, added) in self.elements.iter().zip(all) {
-            equations.alike.add_cell(&element.functions, &added.matrix);
-            add_right(equations, element, &added.right);
-        }
-    }
+    sum
 }
 
 fn add_right(equations: &mut Equations, element: &ArcElement, right: &[f64]) {
@@ -142,83 +111,71 @@ fn add_right(equations: &mut Equations, element: &ArcElement, right: &[f64]) {
     }
 }
 
-/// `scale · Σ_arcs Σ_k w_k θ_k²`.
-pub(crate) struct Angles<'a> {
-    pub(crate) elements: &'a [ArcElement],
-    pub(crate) scale: f64,
-}
-
-impl<'a> Angles<'a> {
-    /// Its value at coefficients.
-    pub(crate) fn energy(&self, coefficients: &[f64]) -> f64 {
-        let mut sum = 0.0;
-        for element in self.elements {
-            for point in &element.points {
-                let derivatives = element.derivatives(point, coefficients);
-                sum += point.weight * sine(&derivatives, &Lengths::of(&derivatives)).powi(2);
-            }
+/// `scale · Σ_arcs Σ_k w_k θ_k²`, θ by its sine.
+pub(crate) fn angle_energy(elements: &[ArcElement], scale: f64, coefficients: &[f64]) -> f64 {
+    let mut sum = 0.0;
+    for element in elements {
+        for point in &element.points {
+            let derivatives = element.derivatives(point, coefficients);
+            let [t, left, right] = derivatives;
+            sum += point.weight * (dot(cross(t, left), right) / Lengths::of(&derivatives).product()).powi(2);
         }
-        self.scale * sum
     }
-
-    /// The term with its denominators |T| a_L a_R held.
-    pub(crate) fn frozen(&self, coefficients: &[f64]) -> FrozenAngles<'a> {
-        let lengths = |element: &ArcElement| {
-            let of = |point: &ArcPoint| Lengths::of(&element.derivatives(point, coefficients));
-            element.points.iter().map(of).collect()
-        };
-        let lengths = self.elements.iter().map(lengths).collect();
-        FrozenAngles { elements: self.elements, scale: self.scale, lengths }
-    }
+    scale * sum
 }
 
-/// [`Angles`] with denominators held. The determinant is trilinear: its derivatives by T, D_L and D_R are D_L × D_R, D_R × T and T × D_L.
-pub(crate) struct FrozenAngles<'a> {
-    elements: &'a [ArcElement],
+/// `scale · Σ_arcs Σ_k w_k θ_k²` to first order where it was frozen: quadratic.
+pub(crate) struct Angles {
+    elements: Arc<[ArcElement]>,
     scale: f64,
-    lengths: Vec<Vec<Lengths>>,
+    held: Vec<Vec<Held>>,
 }
 
-impl FrozenAngles<'_> {
-    /// Derivatives of θ by the coefficients of the element's functions.
-    fn slopes(point: &ArcPoint, [t, left, right]: Derivatives, lengths: &Lengths) -> Vec<[f64; 3]> {
-        let by = [cross(left, right), cross(right, t), cross(t, left)].map(|g| scaled(1.0 / lengths.product(), g));
-        let weights = point.along.iter().zip(point.inward[0].iter().zip(&point.inward[1]));
-        weights.map(|(t, (l, r))| add(scaled(*t, by[0]), add(scaled(*l, by[1]), scaled(*r, by[2])))).collect()
+impl Angles {
+    /// The term at coefficients.
+    pub(crate) fn frozen(elements: Arc<[ArcElement]>, scale: f64, form: Form, coefficients: &[f64]) -> Self {
+        let of = |e: &ArcElement| e.points.iter().map(|p| Held::new(&e.derivatives(p, coefficients), form)).collect();
+        let held = elements.par_iter().map(of).collect();
+        Self { elements, scale, held }
     }
 
-    fn add_of(&self, element: &ArcElement, lengths: &[Lengths], coefficients: &[f64]) -> Added {
+    fn add_of(&self, element: &ArcElement, held: &[Held], coefficients: &[f64]) -> Added {
         let n = element.functions.len();
         let mut added = Added { matrix: vec![0.0; 9 * n * n], right: vec![0.0; 3 * n] };
-        for (point, lengths) in element.points.iter().zip(lengths) {
-            let derivatives = element.derivatives(point, coefficients);
-            let (theta, slopes) = (sine(&derivatives, lengths), Self::slopes(point, derivatives, lengths));
+        for (point, held) in element.points.iter().zip(held) {
+            let weights = held.weights(point);
+            let v = value(element, &weights, coefficients);
             let weight = self.scale * point.weight;
-            let slopes = slopes.as_flattened();
-            for (i, si) in slopes.iter().enumerate() {
-                added.right[i] -= weight * theta * si;
-                let row = &mut added.matrix[3 * n * i..][..3 * n];
-                row.iter_mut().zip(slopes).for_each(|(m, sj)| *m += weight * si * sj);
+            for &direction in &held.directions {
+                let theta = dot(direction, v);
+                let slopes: Vec<[f64; 3]> = weights.iter().map(|w| scaled(*w, direction)).collect();
+                let slopes = slopes.as_flattened();
+                for (i, si) in slopes.iter().enumerate() {
+                    added.right[i] -= weight * theta * si;
+                    let row = &mut added.matrix[3 * n * i..][..3 * n];
+                    row.iter_mut().zip(slopes).for_each(|(m, sj)| *m += weight * si * sj);
+                }
             }
         }
         added
     }
 }
 
-impl Term for FrozenAngles<'_> {
+impl Term for Angles {
     fn energy(&self, at: &State<'_>) -> f64 {
         let mut sum = 0.0;
-        for (element, lengths) in self.elements.iter().zip(&self.lengths) {
-            for (point, lengths) in element.points.iter().zip(lengths) {
-                sum += point.weight * sine(&element.derivatives(point, at.coefficients), lengths).powi(2);
+        for (element, held) in self.elements.iter().zip(&self.held) {
+            for (point, held) in element.points.iter().zip(held) {
+                let v = value(element, &held.weights(point), at.coefficients);
+                sum += point.weight * held.directions.iter().map(|d| dot(*d, v).powi(2)).sum::<f64>();
             }
         }
         self.scale * sum
     }
 
     fn linearize(&self, at: &State<'_>, equations: &mut Equations) {
-        let pairs = self.elements.par_iter().zip(&self.lengths);
-        let all: Vec<Added> = pairs.map(|(element, lengths)| self.add_of(element, lengths, at.coefficients)).collect();
+        let pairs = self.elements.par_iter().zip(&self.held);
+        let all: Vec<Added> = pairs.map(|(element, held)| self.add_of(element, held, at.coefficients)).collect();
         for (element, added) in self.elements.iter().zip(all) {
             let unknowns: Vec<u32> = element.functions.iter().flat_map(|f| (3 * f)..(3 * f + 3)).collect();
             if let Some(coupled) = &mut equations.coupled {

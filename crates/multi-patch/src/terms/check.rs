@@ -1,9 +1,11 @@
 //! Every term against differences of its energy.
 
+use std::sync::Arc;
+
 use thb_core::{CellSpace, MultiPatchSpace, SymmetricPattern};
 
-use super::{Angles, Data, Kinks, Plates};
-use crate::arc_points::arc_elements;
+use super::{Angles, Data, Form, Plates, angle_energy};
+use crate::arc_points::{ArcElement, arc_elements};
 use crate::equations::{Equations, Solver};
 use crate::samples::Samples;
 use crate::term::{State, Term};
@@ -88,36 +90,59 @@ fn plates_are_quadratic() {
 }
 
 #[test]
-fn held_kinks_are_quadratic() {
+fn held_angles_are_quadratic() {
     for degree in 2..5 {
         let space = space(degree, 2);
-        let elements = arc_elements(&space, &[false; 12]).unwrap();
-        check(&Kinks::frozen(&elements, 0.7, &lumpy(&space, 3)), false, true, degree);
+        let elements: Arc<[ArcElement]> = arc_elements(&space, &[false; 12]).unwrap().into();
+        for form in [Form::AcrossPlanes, Form::Whole] {
+            check(&Angles::frozen(elements.clone(), 0.7, form, &lumpy(&space, 3)), true, true, degree);
+        }
     }
 }
 
+/// Close to a smooth join the form that is held and the squared sine are the same to second order.
 #[test]
-fn angles_with_held_lengths_have_their_slopes() {
-    for degree in 2..5 {
-        let space = space(degree, 2);
-        let elements = arc_elements(&space, &[false; 12]).unwrap();
-        let angles = Angles { elements: &elements, scale: 0.7 };
-        check(&angles.frozen(&lumpy(&space, 3)), true, false, degree);
-    }
-}
-
-/// Close to a smooth join the squares of v and of the sine are the same to second order, and lengths that are held change neither's slope.
-#[test]
-fn kinks_and_angles_agree_where_planes_nearly_do() {
+fn held_angles_are_angles_where_planes_nearly_agree() {
     let space = space(3, 4);
     let samples = Samples::new(&space, ellipsoid(12, [1.0, 0.8, 0.6])).unwrap();
     let fitted = fit_cube(&space, &[false; 12], samples.as_slice().to_vec(), &crate::Options::default()).unwrap();
     let coefficients: Vec<f64> = fitted.surface.coefficients().iter().copied().collect();
-    let elements = arc_elements(&space, &[false; 12]).unwrap();
+    let elements: Arc<[ArcElement]> = arc_elements(&space, &[false; 12]).unwrap().into();
     let state = State { space: &space, coefficients: &coefficients, samples: &samples };
-    let angles = Angles { elements: &elements, scale: 1.0 };
-    let (by_sine, by_vector) =
-        (angles.energy(&coefficients), Kinks::frozen(&elements, 1.0, &coefficients).energy(&state));
-    assert!(by_sine > 0.0 && (by_vector / by_sine - 1.0).abs() < 1e-4, "{by_sine} {by_vector}");
-    assert_eq!(by_sine, angles.frozen(&coefficients).energy(&state));
+    let by_sine = angle_energy(&elements, 1.0, &coefficients);
+    for form in [Form::AcrossPlanes, Form::Whole] {
+        let held = Angles::frozen(elements.clone(), 1.0, form, &coefficients).energy(&state);
+        assert!(by_sine > 0.0 && (held / by_sine - 1.0).abs() < 1e-4, "{form:?}: {by_sine} {held}");
+    }
+}
+
+/// Whatever moves in the plane of both patches is free, and a fold counts as two.
+#[test]
+fn in_a_plane_angles_leave_everything_free_but_folds() {
+    let space = space(3, 2);
+    let elements: Arc<[ArcElement]> = arc_elements(&space, &[false; 12]).unwrap().into();
+    // Flattened, the cube's patches are folded over along some arcs and smooth along others.
+    let mut flat = lumpy(&space, 3);
+    flat.iter_mut().skip(2).step_by(3).for_each(|z| *z = 0.0);
+    let samples = Samples::new(&space, ellipsoid(5, [1.0, 0.8, 0.6])).unwrap();
+    let mut folded = 0;
+    for element in elements.iter() {
+        let angles = Angles::frozen([element.clone()].into(), 1.0, Form::AcrossPlanes, &flat);
+        let energy = |coefficients: &[f64]| angles.energy(&State { space: &space, coefficients, samples: &samples });
+        let turned = element.points.iter().filter(|point| {
+            let [t, left, right] = element.derivatives(point, &flat);
+            let up = |d: [f64; 3]| t[0] * d[1] - t[1] * d[0];
+            up(left) * up(right) > 0.0
+        });
+        let weight: f64 = turned.map(|point| point.weight).sum();
+        assert!((energy(&flat) - 4.0 * weight).abs() < 1e-9 * (1.0 + weight), "{} {weight}", energy(&flat));
+        folded += usize::from(weight > 0.0);
+        if weight == 0.0 {
+            let moved: Vec<f64> = (flat.iter().zip(random(7, flat.len())).enumerate())
+                .map(|(i, (c, x))| if i % 3 == 2 { *c } else { c + 0.1 * x })
+                .collect();
+            assert!(energy(&moved) < 1e-20, "{}", energy(&moved));
+        }
+    }
+    assert!(0 < folded && folded < elements.len(), "{folded} of {} are folded", elements.len());
 }

@@ -6,6 +6,6 @@ mod check;
 mod data;
 mod plates;
 
-pub(crate) use angles::{Angles, Kinks};
+pub(crate) use angles::{Angles, Form, angle_energy};
 pub(crate) use data::Data;
 pub(crate) use plates::Plates;

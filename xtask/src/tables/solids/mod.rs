@@ -30,8 +30,8 @@ pub struct Solids<'a> {
     pub count: usize,
     /// Seed of the generated shapes.
     pub seed: u64,
-    /// Meshes whose names contain this are fitted, and no others.
-    pub only: Option<&'a str>,
+    /// Parts whose names contain one of these are fitted, and no others, unless there is none.
+    pub only: &'a [String],
     /// Whether rows of this commit that are finished are taken from the folder.
     pub resume: bool,
     /// A folder for meshes, STEP files and finished rows.
@@ -74,7 +74,8 @@ pub fn document(solids: &Solids<'_>, progress: &mut dyn FnMut(&str)) -> Result<S
     let mut summaries = Vec::new();
     for Section { heading, text, parts } in sections(solids)? {
         let mut rows = Vec::new();
-        for part in parts.into_iter().filter(|part| solids.only.is_none_or(|only| part.name.contains(only))) {
+        let wanted = |part: &Part| solids.only.is_empty() || solids.only.iter().any(|only| part.name.contains(only));
+        for part in parts.into_iter().filter(wanted) {
             let row = match known.iter().rfind(|row| row.name == part.name) {
                 Some(row) => row.clone(),
                 None => {
@@ -94,8 +95,13 @@ pub fn document(solids: &Solids<'_>, progress: &mut dyn FnMut(&str)) -> Result<S
         tables += &table(&HEADER, &rows.iter().map(|(row, _)| line(row)).collect::<Vec<_>>());
     }
     let (count, seed) = (solids.count, solids.seed);
+    let only = if solids.only.is_empty() {
+        String::new()
+    } else {
+        format!(" Only parts whose names contain one of these: {}.", solids.only.join(", "))
+    };
     Ok(format!(
-        "{INTRODUCTION}\nCommit {commit}; generated shapes: {count} of each kind, seed {seed}.\n\n{}{tables}",
+        "{INTRODUCTION}\nCommit {commit}; generated shapes: {count} of each kind, seed {seed}.{only}\n\n{}{tables}",
         table(&SUMMARY, &summaries)
     ))
 }
