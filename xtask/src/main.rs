@@ -290,6 +290,66 @@ enum Generate {
     },
 }
 
+/// What the table of whole parts is made of.
+#[derive(clap::Args)]
+struct SolidsTable {
+    /// A folder with meshes, `solids/NAME.off`, and layouts, `layouts/NAME_KIND.json.gz`; without it nothing is fitted.
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// A Python interpreter with the packages of tests/peers/requirements.txt.
+    #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+    python: PathBuf,
+    /// The program; target/release/thb of the workspace by default.
+    #[arg(long, value_name = "PROGRAM")]
+    thb: Option<PathBuf>,
+    /// Elements along each side of a patch of a given layout.
+    #[arg(long, default_value_t = 4)]
+    elements: usize,
+    /// Generated shapes of each kind.
+    #[arg(long, default_value_t = 12)]
+    count: usize,
+    /// Seed of the generated shapes.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Parts whose names contain one of these, and no others.
+    #[arg(long, value_delimiter = ',')]
+    only: Vec<String>,
+    /// Go on with a run that was cut off, if the code has not changed since.
+    #[arg(long)]
+    resume: bool,
+    /// A folder for meshes, STEP files and finished rows, target/solids by default.
+    #[arg(long)]
+    steps: Option<PathBuf>,
+    /// The file to write, docs/results/solids.md by default.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+impl SolidsTable {
+    /// The page; nothing without data.
+    fn document(&self, root: &Path, say: &mut dyn FnMut(&str)) -> Result<Option<String>> {
+        let Some(data) = &self.data else {
+            say("skipped: solids need --data DIR");
+            return Ok(None);
+        };
+        let folder = self.steps.clone().unwrap_or_else(|| root.join("target/solids"));
+        let thb = self.thb.clone().unwrap_or_else(|| root.join("target/release/thb"));
+        let solids = tables::solids::Solids {
+            data,
+            python: &self.python,
+            thb: &thb,
+            root,
+            elements: self.elements,
+            count: self.count,
+            seed: self.seed,
+            only: &self.only,
+            resume: self.resume,
+            out: &folder,
+        };
+        tables::solids::document(&solids, say).map(Some)
+    }
+}
+
 #[derive(Subcommand)]
 enum Tables {
     /// Tables 4.1 to 4.5: sequences and grids, learned and classical.
@@ -389,38 +449,7 @@ enum Tables {
         out: Option<PathBuf>,
     },
     /// Whole parts, on layouts of our own and on given ones: a solid each, measured from its STEP file.
-    Solids {
-        /// A folder with meshes, `solids/NAME.off`, and layouts, `layouts/NAME_KIND.json.gz`; without it nothing is fitted.
-        #[arg(long)]
-        data: Option<PathBuf>,
-        /// A Python interpreter with the packages of tests/peers/requirements.txt.
-        #[arg(long, value_name = "PROGRAM", default_value = "python3")]
-        python: PathBuf,
-        /// The program; target/release/thb of the workspace by default.
-        #[arg(long, value_name = "PROGRAM")]
-        thb: Option<PathBuf>,
-        /// Elements along each side of a patch of a given layout.
-        #[arg(long, default_value_t = 4)]
-        elements: usize,
-        /// Generated shapes of each kind.
-        #[arg(long, default_value_t = 12)]
-        count: usize,
-        /// Seed of the generated shapes.
-        #[arg(long, default_value_t = 0)]
-        seed: u64,
-        /// Parts whose names contain one of these, and no others.
-        #[arg(long, value_delimiter = ',')]
-        only: Vec<String>,
-        /// Go on with a run that was cut off, if the code has not changed since.
-        #[arg(long)]
-        resume: bool,
-        /// A folder for meshes, STEP files and finished rows, target/solids by default.
-        #[arg(long)]
-        steps: Option<PathBuf>,
-        /// The file to write, docs/results/solids.md by default.
-        #[arg(long)]
-        out: Option<PathBuf>,
-    },
+    Solids(SolidsTable),
     /// Compute all pages anew that need no training, and fail if a figure but a time differs from the committed page by more
     /// than a hundredth; writes nothing.
     All {
@@ -603,26 +632,9 @@ fn write_table(tables: Tables, root: &Path, say: &mut dyn FnMut(&str)) -> Result
             let missing = data.is_none().then_some("measured clouds need --data DIR and were left out");
             ("rwls", out, missing, tables::rwls::document(data.as_deref())?)
         }
-        Tables::Solids { data, python, thb, elements, count, seed, only, resume, steps, out } => {
-            let Some(data) = data else {
-                say("skipped: solids need --data DIR");
-                return Ok(());
-            };
-            let folder = steps.unwrap_or_else(|| root.join("target/solids"));
-            let thb = thb.unwrap_or_else(|| root.join("target/release/thb"));
-            let solids = tables::solids::Solids {
-                data: &data,
-                python: &python,
-                thb: &thb,
-                root,
-                elements,
-                count,
-                seed,
-                only: &only,
-                resume,
-                out: &folder,
-            };
-            ("solids", out, None, tables::solids::document(&solids, say)?)
+        Tables::Solids(solids) => {
+            let Some(page) = solids.document(root, say)? else { return Ok(()) };
+            ("solids", solids.out, None, page)
         }
         Tables::Truth { data, python, only, resume, cache, out } => {
             let Some(data) = data else {

@@ -107,7 +107,7 @@ pub(super) fn make(number: usize, random: &mut ChaCha8Rng) -> Result<Made> {
     let edge = (size / between(random, 10.0, 18.0)).min(MOST_RADII * least_radius);
     let part = meshed(&shape, edge, random)?;
     // Half of them stand straight.
-    let part = if number % 2 == 0 { part } else { part.turned(rotation(random)) };
+    let part = if number.is_multiple_of(2) { part } else { part.turned(rotation(random)) };
     Ok(Made { part, genus: 0, volume: Some(shape.volume()) })
 }
 

@@ -28,17 +28,17 @@ pub(super) fn make(number: usize, random: &mut ChaCha8Rng) -> Result<Made> {
     let arm = size * between(random, 0.38, 0.5);
     let rectangle = vec![[0.0, 0.0], [size, 0.0], [size, depth], [0.0, depth]];
     let bent = vec![[0.0, 0.0], [size, 0.0], [size, arm], [arm, arm], [arm, size], [0.0, size]];
-    let corners = if number % 2 == 0 { rectangle } else { bent };
+    let corners = if number.is_multiple_of(2) { rectangle } else { bent };
     let radius = if number % 4 < 2 { 0.0 } else { size * between(random, 0.06, 0.12) };
     let outline = rounded(&corners, &vec![radius; corners.len()]);
     let count = 1 + number % 5;
     let holes = holes(&outline, size, count, random)?;
     // Plates and blocks by turns of three.
-    let height = size * if number % 3 == 0 { between(random, 0.3, 0.5) } else { between(random, 0.08, 0.2) };
+    let height = size * if number.is_multiple_of(3) { between(random, 0.3, 0.5) } else { between(random, 0.08, 0.2) };
     let edge = (size / between(random, 11.0, 20.0)).min(height);
     let part = meshed(&outline, &holes, height, edge, random)?;
     let drilled: f64 = holes.iter().map(|(_, radius)| PI * radius * radius).sum();
-    let part = if number % 2 == 0 { part } else { part.turned(rotation(random)) };
+    let part = if number.is_multiple_of(2) { part } else { part.turned(rotation(random)) };
     Ok(Made { part, genus: count, volume: Some((area(&outline) - drilled) * height) })
 }
 

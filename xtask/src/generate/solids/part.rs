@@ -115,7 +115,7 @@ impl Part {
             let (a, b) = (root(&mut parents, a), root(&mut parents, b));
             parents[a] = b;
         }
-        for (&[a, first], _) in sides {
+        for &[a, first] in sides.keys() {
             let (mut at, mut round) = (first, 0);
             while let Some(&other) = next.get(&(a, at)) {
                 at = other;

@@ -13,13 +13,13 @@ use super::part::{Made, Part, Point};
 
 /// The number-th one: every third a sphere, the others ellipsoids with axes of up to 1 : 2.5; every second cut out of a grid.
 pub(super) fn make(number: usize, random: &mut ChaCha8Rng) -> Result<Made> {
-    let axes = if number % 3 == 0 {
+    let axes = if number.is_multiple_of(3) {
         [between(random, 5.0, 40.0); 3]
     } else {
         let size = between(random, 5.0, 40.0);
         [size, size * between(random, 0.6, 1.0), size * between(random, 0.4, 1.0)]
     };
-    let part = if number % 2 == 0 {
+    let part = if number.is_multiple_of(2) {
         let mut part = geodesic(whole(random, 6, 20));
         part.points.iter_mut().for_each(|p| (0..3).for_each(|k| p[k] *= axes[k]));
         part

@@ -1,3 +1,5 @@
+//! Shapes of every kind, and meshes that are refused.
+
 use std::sync::LazyLock;
 
 use point_cloud::vec3::{cross, dot, norm, sub, unit};

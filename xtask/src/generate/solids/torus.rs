@@ -39,7 +39,7 @@ pub(super) fn make(number: usize, random: &mut ChaCha8Rng) -> Result<Made> {
     // From thin to thick.
     let tube = [0.12, 0.3, 0.62, 0.2, 0.45, 0.25][number % 6] * between(random, 0.9, 1.1);
     let mut torus = Torus { tube, flat: 1.0, swell: (0.0, 1.0), lift: (0.0, 1.0) };
-    let mut part = if number % 3 == 0 {
+    let mut part = if number.is_multiple_of(3) {
         of_rings(torus, whole(random, 16, 32))
     } else {
         let waves = whole(random, 2, 5) as f64;

@@ -31,7 +31,7 @@ pub(super) fn make(number: usize, random: &mut ChaCha8Rng) -> Result<Made> {
         points.push([radius, z]);
         least = least.min(radius);
         // Steps go in and out by turns.
-        radius *= if step % 2 == 0 { between(random, 0.45, 0.7) } else { between(random, 1.3, 1.7) };
+        radius *= if step.is_multiple_of(2) { between(random, 0.45, 0.7) } else { between(random, 1.3, 1.7) };
     }
     let (count, inner) = (points.len(), if bored { least * between(random, 0.35, 0.65) } else { 0.0 });
     points.extend([[inner, z], [inner, 0.0]]);
@@ -39,7 +39,7 @@ pub(super) fn make(number: usize, random: &mut ChaCha8Rng) -> Result<Made> {
     let side = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
     let radii: Vec<f64> = (0..points.len())
         .map(|k| {
-            if k >= count || (k + number / 2) % 3 == 0 || number % 5 == 0 {
+            if k >= count || (k + number / 2).is_multiple_of(3) || number.is_multiple_of(5) {
                 return 0.0;
             }
             let before = points[(k + points.len() - 1) % points.len()];
