@@ -147,7 +147,7 @@ fn sections(solids: &Solids<'_>) -> Result<Vec<Section>> {
                 .or_else(|| meshes.iter().find(|(name, _)| name.starts_with(&prefix)))
                 .with_context(|| format!("no mesh of {}", layout.display()))?;
             let elements = solids.elements.to_string();
-            let options = ["--layout", &layout.to_string_lossy(), "--elements", &elements].map(str::to_owned).to_vec();
+            let options = ["--layout", &layout.to_string_lossy(), "--mesh", &elements].map(str::to_owned).to_vec();
             Ok(Part { name: name.to_owned(), mesh: mesh.clone(), creases: creases(shape), options })
         })
         .collect::<Result<Vec<_>>>()?;
