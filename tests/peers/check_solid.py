@@ -51,7 +51,7 @@ sys.dont_write_bytecode = True
 
 from meter import facets
 from meter.crossings import self_crossings
-from meter.surface import read_surface
+from meter.surface import surface_of
 
 PLACES = 21
 FOLDS = 5
@@ -224,11 +224,6 @@ class Mesh:
         ends = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
         return len(np.unique(self.triangles)) - len(np.unique(ends, axis=0)) + len(self.triangles)
 
-    def nearest(self, points):
-        """Distances of points, nearest facets, and nearest points."""
-        squares, facets, nearest = igl.point_mesh_squared_distance(points, self.vertices, self.triangles)
-        return np.sqrt(squares), facets, nearest
-
 
 def crease_points(mesh):
     """Points along the creases of the mesh, as close to one another as a tenth of the limit."""
@@ -276,7 +271,7 @@ def sample_faces(faces):
 def count_folds(mesh, points, normals, of_face):
     """Places whose normal turns by more than 90 degrees from all facets that are about as near as the nearest one. A facet that stands
     for something round is as near as a surface that bulges over it. Also the distances, and how far they leave the band."""
-    distances, nearest, places = mesh.nearest(points)
+    distances, nearest, places = facets.searcher(mesh.vertices, mesh.triangles)(points)
     at_nearest = facets.barycentric(mesh.vertices, mesh.triangles, nearest, places)
     side = np.where(np.einsum("ij,ij->i", points - places, mesh.normals[nearest]) < 0, -1.0, 1.0)
     banded = facets.outside_band(side * distances, mesh.heights(nearest, at_nearest))
@@ -373,7 +368,7 @@ def measure(path, mesh):
     result["surface_to_mesh_%"] = by_area(percent * banded, areas)
     of_facets = {"surface_to_mesh_%": by_area(percent * flat, areas)}
 
-    fine = read_surface(path, CHORD * TOLERANCE * mesh.diagonal, MOST_TRIANGLES)
+    fine = surface_of(shape, CHORD * TOLERANCE * mesh.diagonal, MOST_TRIANGLES)
     to_fine = facets.searcher(fine.points, fine.triangles)
     places = facets.at(mesh.vertices, mesh.triangles, which, weights)
     flat = to_fine(places)[0]

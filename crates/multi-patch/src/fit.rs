@@ -25,8 +25,9 @@ const PLATES_FACTOR: f64 = 0.5;
 
 /// ω of the whole vector v in the first stage of a second attempt, as a share of what is asked for up to 1, and in its Gauss–Newton steps.
 ///
-/// Calibrated: on layouts of a blob, a double torus, a figure and a mechanical part, by folds and the largest angle. Without it in the
-/// steps two of the four fold; with three and thirty times as much the largest angles are larger by some tenths and by a factor of 2 to 3.
+/// Calibrated: as [`FIRST_PLATES`], when all attempts had this form and the other was a sine with lengths held: without it in the steps two
+/// of the four folded, with three and thirty times as much the largest angles were larger by some tenths and by a factor of 2 to 3. Not
+/// measured anew since it is the second attempt.
 const FIRST_SHARE: f64 = 0.1;
 const HELD_SHARE: f64 = 0.018;
 
@@ -153,10 +154,10 @@ impl<'a> Fit<'a> {
         Ok(SplineMap::new(Arc::clone(self.space), values)?)
     }
 
-    /// The whole form of the angle term, unless it has no weight.
-    fn whole(&self, smoothness: f64) -> Option<Angles> {
+    /// The angle term at the surface as it is, unless it has no weight.
+    fn angles(&self, smoothness: f64, form: Form) -> Option<Angles> {
         let scale = smoothness * smoothness * self.unit_of_angles;
-        (scale > 0.0).then(|| Angles::frozen(Arc::clone(&self.elements), scale, Form::Whole, &self.coefficients))
+        (scale > 0.0).then(|| Angles::frozen(Arc::clone(&self.elements), scale, form, &self.coefficients))
     }
 
     /// Moves the coefficients to the least sum of data, plates and angles, all of them quadratic.
@@ -186,7 +187,7 @@ impl<'a> Fit<'a> {
         self.steps.push(step);
     }
 
-    /// μ falls to what is asked for, without the angle term.
+    /// μ falls to what is asked for, without the angle term in a first attempt.
     fn first_stage(&mut self, options: &Options) -> Result<(), Error> {
         let mut plates = FIRST_PLATES.max(options.plates);
         loop {
@@ -196,8 +197,7 @@ impl<'a> Fit<'a> {
                 Form::Whole if !is_first => FIRST_SHARE * options.smoothness.min(1.0),
                 _ => 0.0,
             };
-            let whole = self.whole(smoothness);
-            self.step(whole.as_slice())?;
+            self.step(self.angles(smoothness, Form::Whole).as_slice())?;
             self.note(plates, smoothness);
             self.follow()?;
             if plates <= options.plates && !is_first {
@@ -210,15 +210,15 @@ impl<'a> Fit<'a> {
     /// Gauss–Newton steps with the angles.
     pub(crate) fn second_stage(&mut self, options: &Options) -> Result<(), Error> {
         self.set_plates(options.plates);
-        let scale = options.smoothness * options.smoothness * self.unit_of_angles;
-        if scale == 0.0 {
-            return Ok(());
-        }
+        let held = match self.form {
+            Form::AcrossPlanes => 0.0,
+            Form::Whole => HELD_SHARE * options.smoothness.min(1.0),
+        };
         for _ in 0..options.angle_steps {
-            let elements = Arc::clone(&self.elements);
-            let mut terms = vec![Angles::frozen(elements, scale, Form::AcrossPlanes, &self.coefficients)];
-            if self.form == Form::Whole {
-                terms.extend(self.whole(HELD_SHARE * options.smoothness.min(1.0)));
+            let angles = self.angles(options.smoothness, Form::AcrossPlanes);
+            let terms: Vec<Angles> = angles.into_iter().chain(self.angles(held, Form::Whole)).collect();
+            if terms.is_empty() {
+                break;
             }
             self.step(&terms)?;
             self.note(options.plates, options.smoothness);

@@ -384,8 +384,10 @@ def judge_cloud(points, surface, tolerance, count, seed):
         # Where a surface is steep its nearest place is not always close to that of the triangles.
         close = np.isin(surface.triangles, vertices.query(points[some], OTHERS)[1]).any(axis=1)
         seen = np.union1d(evaluated, np.append(triangle[some], np.flatnonzero(close)))
+        if len(seen) == len(evaluated):
+            break
         finer = surface.finer(seen)
-        if len(seen) == len(evaluated) or len(finer[1]) == 0:
+        if len(finer[1]) == 0:
             break
         across[some] = np.minimum(across[some], facets.searcher(*finer)(points[some])[0])
         evaluated = seen

@@ -85,9 +85,13 @@ class Surface:
 
 
 def read_surface(path, chord, most_triangles):
-    """Triangles over all faces of a STEP file within `chord` of them, where `most_triangles` suffice; at a larger
-    chord, which the result names, where they don't."""
-    shape = load(str(path))
+    """Triangles over all faces of a STEP file: `surface_of` its shape."""
+    return surface_of(load(str(path)), chord, most_triangles)
+
+
+def surface_of(shape, chord, most_triangles):
+    """Triangles over all faces of a shape within `chord` of them, where `most_triangles` suffice; at a larger chord, which
+    the result names, where they don't."""
     faces = list(explore(shape, TopAbs_FACE, AS_FACE))
     natural = [face for face in faces if fills_rectangle(face)]
     meshes, reached, nets = [], 0.0, []

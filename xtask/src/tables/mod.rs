@@ -6,6 +6,7 @@ pub mod box_splines;
 pub mod classical;
 mod crossings;
 pub mod curves;
+mod finished;
 mod mapped;
 pub(crate) mod markdown;
 pub mod moving;

@@ -69,9 +69,12 @@ struct Added {
 struct Held {
     /// 1/a_L, 1/a_R and −γ.
     factors: [f64; 3],
-    /// Unit directions in which v counts.
-    directions: Vec<[f64; 3]>,
+    /// n, if v counts along it alone.
+    normal: Option<[f64; 3]>,
 }
+
+/// Directions in which all of v counts.
+const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 impl Held {
     fn new(derivatives: &Derivatives, form: Form) -> Self {
@@ -80,12 +83,16 @@ impl Held {
         let factors = lengths.across.map(f64::recip);
         let both = add(scaled(factors[0], left), scaled(factors[1], right));
         let normals = [unit(cross(t, left)), unit(cross(right, t))];
-        let directions = if form == Form::AcrossPlanes && dot(normals[0], normals[1]) > 0.0 {
-            vec![unit(add(normals[0], normals[1]))]
-        } else {
-            vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-        };
-        Self { factors: [factors[0], factors[1], -dot(both, t) / (lengths.along * lengths.along)], directions }
+        let is_across = form == Form::AcrossPlanes && dot(normals[0], normals[1]) > 0.0;
+        Self {
+            factors: [factors[0], factors[1], -dot(both, t) / (lengths.along * lengths.along)],
+            normal: is_across.then(|| unit(add(normals[0], normals[1]))),
+        }
+    }
+
+    /// Unit directions in which v counts.
+    fn directions(&self) -> &[[f64; 3]] {
+        self.normal.as_ref().map_or(&AXES, std::slice::from_ref)
     }
 
     /// v as a combination of the element's functions.
@@ -146,7 +153,7 @@ impl Angles {
             let weights = held.weights(point);
             let v = value(element, &weights, coefficients);
             let weight = self.scale * point.weight;
-            for &direction in &held.directions {
+            for &direction in held.directions() {
                 let theta = dot(direction, v);
                 let slopes: Vec<[f64; 3]> = weights.iter().map(|w| scaled(*w, direction)).collect();
                 let slopes = slopes.as_flattened();
@@ -167,7 +174,7 @@ impl Term for Angles {
         for (element, held) in self.elements.iter().zip(&self.held) {
             for (point, held) in element.points.iter().zip(held) {
                 let v = value(element, &held.weights(point), at.coefficients);
-                sum += point.weight * held.directions.iter().map(|d| dot(*d, v).powi(2)).sum::<f64>();
+                sum += point.weight * held.directions().iter().map(|d| dot(*d, v).powi(2)).sum::<f64>();
             }
         }
         self.scale * sum

@@ -69,6 +69,11 @@ impl Kind {
         }
     }
 
+    /// The name of the number-th shape, numbered from 0.
+    pub fn shape_name(self, number: usize) -> String {
+        format!("{}-{:02}", self.name(), number + 1)
+    }
+
     /// What heads a section.
     pub fn heading(self) -> &'static str {
         match self {
@@ -129,7 +134,7 @@ impl Solid {
             Kind::Turned => turned::make,
             Kind::Drilled => drilled::make,
         };
-        let name = format!("{}-{:02}", kind.name(), number + 1);
+        let name = kind.shape_name(number);
         let made = make(number, &mut random).and_then(|made| {
             let mut part = made.part;
             part.points.iter_mut().flatten().for_each(|x| *x = rounded(*x));

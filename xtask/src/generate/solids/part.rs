@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Result, ensure};
+use point_cloud::DisjointSets;
 use point_cloud::vec3::{cross, dot};
 
 pub(super) type Point = [f64; 3];
@@ -110,11 +111,8 @@ impl Part {
                 next.insert((t[k], t[(k + 1) % 3]), t[(k + 2) % 3]);
             }
         }
-        let mut parents: Vec<usize> = (0..self.points.len()).collect();
-        for &[a, b] in sides.keys() {
-            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
-            parents[a] = b;
-        }
+        let mut sets = DisjointSets::new(self.points.len());
+        sides.keys().for_each(|&[a, b]| sets.join(a as u32, b as u32));
         for &[a, first] in sides.keys() {
             let (mut at, mut round) = (first, 0);
             while let Some(&other) = next.get(&(a, at)) {
@@ -127,7 +125,7 @@ impl Part {
             ensure!(round == corners[a], "the {} triangles round vertex {a} are not one ring", corners[a]);
         }
         ensure!(corners.iter().all(|&count| count > 0), "a vertex belongs to no triangle");
-        let roots: BTreeSet<usize> = (0..parents.len()).map(|v| root(&mut parents, v)).collect();
+        let roots: BTreeSet<u32> = (0..corners.len()).map(|v| sets.root(v as u32)).collect();
         Ok(roots.len())
     }
 
@@ -138,14 +136,6 @@ impl Part {
         }
         self
     }
-}
-
-fn root(parents: &mut [usize], mut v: usize) -> usize {
-    while parents[v] != v {
-        parents[v] = parents[parents[v]];
-        v = parents[v];
-    }
-    v
 }
 
 /// a + s b

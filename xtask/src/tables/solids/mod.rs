@@ -4,12 +4,12 @@
 mod row;
 
 use std::fmt::Write as _;
-use std::fs::{self, OpenOptions};
-use std::io::Write as _;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 
+use super::finished::Cache;
 use super::markdown::table;
 use crate::generate::solids::{self as generated, Kind};
 use row::{Creases, Part, Row};
@@ -64,23 +64,19 @@ struct Section {
 /// # Errors
 /// What programs and files meet; not those of a fit, which are part of the table.
 pub fn document(solids: &Solids<'_>, progress: &mut dyn FnMut(&str)) -> Result<String> {
-    fs::create_dir_all(solids.out).with_context(|| format!("cannot create {}", solids.out.display()))?;
     let commit = crate::process::commit(solids.root, &CODE);
-    let cache = solids.out.join("rows.jsonl");
-    let known = if solids.resume { finished(&cache, &commit)? } else { Vec::new() };
-    let mut file = OpenOptions::new().create(true).append(true).open(&cache)?;
+    let mut cache = Cache::open(&solids.out.join("rows.jsonl"), solids.resume, &commit)?;
     let script = solids.root.join("tests/peers/check_solid.py");
     let mut tables = String::new();
     let mut summaries = Vec::new();
     for Section { heading, text, parts } in sections(solids)? {
         let mut rows = Vec::new();
-        let wanted = |part: &Part| solids.only.is_empty() || solids.only.iter().any(|only| part.name.contains(only));
-        for part in parts.into_iter().filter(wanted) {
-            let row = match known.iter().rfind(|row| row.name == part.name) {
-                Some(row) => row.clone(),
+        for part in parts {
+            let row = match cache.take(|row: &Row| row.name == part.name) {
+                Some(row) => row,
                 None => {
-                    let row = Row::new(&part, solids.thb, solids.python, &script, solids.out, &commit)?;
-                    writeln!(file, "{}", serde_json::to_string(&row)?)?;
+                    let row = Row::new(&part, solids.thb, solids.python, &script, solids.out)?;
+                    cache.add(&row)?;
                     row
                 }
             };
@@ -152,6 +148,7 @@ fn sections(solids: &Solids<'_>) -> Result<Vec<Section>> {
         })
         .collect::<Result<Vec<_>>>()?;
     let section = |heading, text: &str, parts| Section { heading, text: text.to_owned(), parts };
+    let is_wanted = |name: &str| solids.only.is_empty() || solids.only.iter().any(|only| name.contains(only));
     let mut sections = vec![
         section("Smooth meshes", "No edge is a crease.", own(&|name| SMOOTH.contains(&name), &[])),
         section("Meshes with creases", "Edges above 40° are the creases.", own(&|name| SHARP.contains(&name), &[])),
@@ -172,35 +169,22 @@ fn sections(solids: &Solids<'_>) -> Result<Vec<Section>> {
         section("Several pieces", "", own(&|name| PIECES.contains(&name), &[])),
     ];
     let folder = solids.out.join("meshes");
-    generated::write(&folder, &Kind::ALL, solids.count, solids.seed, &mut |_| {})?;
-    for kind in Kind::ALL {
-        let parts = (1..=solids.count)
-            .map(|number| {
-                let name = format!("{}-{number:02}", kind.name());
-                let file = |extension: &str| folder.join(format!("{name}.{extension}"));
-                let creases = if kind.is_sharp() { Creases::Listed(file("creases")) } else { Creases::Smooth };
-                Part { mesh: file("off"), creases, options: Vec::new(), name }
-            })
-            .collect();
-        sections.push(section(kind.heading(), "Generated; the creases are the generator's.", parts));
+    let names = |kind: Kind| (0..solids.count).map(move |number| kind.shape_name(number));
+    let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(|&kind| names(kind).any(|name| is_wanted(&name))).collect();
+    generated::write(&folder, &kinds, solids.count, solids.seed, &mut |_| {})?;
+    for kind in kinds {
+        let part = |name: String| {
+            let file = |extension: &str| folder.join(format!("{name}.{extension}"));
+            let creases = if kind.is_sharp() { Creases::Listed(file("creases")) } else { Creases::Smooth };
+            Part { mesh: file("off"), creases, options: Vec::new(), name }
+        };
+        let text = "Generated; the creases are the generator's.";
+        sections.push(section(kind.heading(), text, names(kind).map(part).collect()));
     }
     let text = format!("Degree 3, {0} × {0} elements a patch.", solids.elements);
     sections.push(section("Given layouts", &text, given));
+    sections.iter_mut().for_each(|section| section.parts.retain(|part| is_wanted(&part.name)));
     Ok(sections)
-}
-
-/// Rows of a commit that an earlier run has finished.
-fn finished(cache: &Path, commit: &str) -> Result<Vec<Row>> {
-    if !cache.is_file() {
-        return Ok(Vec::new());
-    }
-    let text = fs::read_to_string(cache).with_context(|| format!("cannot read {}", cache.display()))?;
-    // The last line may have been cut off.
-    Ok(text
-        .lines()
-        .filter_map(|line| serde_json::from_str(line).ok())
-        .filter(|row: &Row| row.commit == commit)
-        .collect())
 }
 
 /// The files of a folder whose names end so, by name.
@@ -246,8 +230,8 @@ fn line(row: &Row) -> Vec<String> {
     if !row.reason.is_empty() {
         write!(faults, ": {}", row.reason.replace('|', "\\|")).unwrap_or_default();
     }
-    let pair = |a: &str, b: &str, places: usize, factor: f64| match (row.figure(a), row.figure(b)) {
-        (Some(a), Some(b)) => format!("{:.places$} – {:.places$}", factor * a, factor * b),
+    let pair = |a: &str, b: &str, places: usize| match (row.figure(a), row.figure(b)) {
+        (Some(a), Some(b)) => format!("{a:.places$} – {b:.places$}"),
         _ => String::new(),
     };
     vec![
@@ -257,7 +241,7 @@ fn line(row: &Row) -> Vec<String> {
         figure("/faces", 0),
         figure("/poles", 0),
         digits(row.report["functions"].as_f64(), 0),
-        pair("/corner_min", "/corner_max", 0, 1.0),
+        pair("/corner_min", "/corner_max", 0),
         figure("/smooth_of_two", 0),
         both("p99", 3),
         both("max", 2),
@@ -265,7 +249,7 @@ fn line(row: &Row) -> Vec<String> {
         figure("/angle_p99", 3),
         figure("/angle_max", 2),
         figure("/angle_at_vertices", 2),
-        pair("/crease_recall", "/crease_precision", 3, 1.0),
+        pair("/crease_recall", "/crease_precision", 3),
         figure("/folds", 0),
         figure("/crossings", 0),
         digits(row.seconds, 1),
@@ -295,8 +279,7 @@ fn summary(heading: &str, rows: &[(Row, Creases)]) -> Vec<String> {
         Creases::Smooth => row.figure("/sharp_length_%") == Some(0.0),
         _ => ["/crease_recall", "/crease_precision"].iter().all(|key| row.figure(key).is_some_and(|x| x >= FOUND)),
     };
-    let median = |values: Vec<f64>| {
-        let mut values = values;
+    let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         values.get(values.len() / 2).map_or(String::new(), |x| format!("{x:.0}"))
     };

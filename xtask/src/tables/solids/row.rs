@@ -8,6 +8,7 @@ use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::super::finished::Finished;
 use crate::process::watch;
 
 /// Which edges of a mesh are its creases.
@@ -36,7 +37,6 @@ pub(super) struct Part {
 /// What was found.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Row {
-    pub(super) commit: String,
     pub(super) name: String,
     /// Exit code of the program; nothing if it was killed.
     pub(super) exit: Option<i32>,
@@ -58,16 +58,21 @@ const FEW_FACES: f64 = 12.0;
 /// Largest angles, in degrees, of what counts as smooth: of 99 %, of all, at vertices.
 const SMOOTH: [(&str, f64); 3] = [("angle_p99", 0.15), ("angle_max", 0.5), ("angle_at_vertices", 0.2)];
 
+impl Finished for Row {
+    fn to_json(&self, commit: &str) -> Value {
+        serde_json::json!({ "commit": commit, "row": self })
+    }
+
+    fn from_json(line: &str, commit: &str) -> Option<Self> {
+        let mut value: Value = serde_json::from_str(line).ok()?;
+        (value["commit"].as_str()? == commit).then_some(())?;
+        serde_json::from_value(value["row"].take()).ok()
+    }
+}
+
 impl Row {
     /// Fits and measures a part. Files are written to `folder`.
-    pub(super) fn new(
-        part: &Part,
-        thb: &Path,
-        python: &Path,
-        script: &Path,
-        folder: &Path,
-        commit: &str,
-    ) -> Result<Self> {
+    pub(super) fn new(part: &Part, thb: &Path, python: &Path, script: &Path, folder: &Path) -> Result<Self> {
         let file = |extension: &str| folder.join(format!("{}.{extension}", part.name));
         let (step, report, log) = (file("step"), file("json"), file("log"));
         for old in [&step, &report] {
@@ -91,7 +96,6 @@ impl Row {
             fs::read(&report).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or(Value::Null);
         let found = if step.is_file() { measured(part, &step, python, script)? } else { Value::Null };
         Ok(Self {
-            commit: commit.to_owned(),
             name: part.name.clone(),
             exit: ended.code,
             reason: if ended.code == Some(0) { String::new() } else { reason(&text) },

@@ -3,15 +3,15 @@
 mod files;
 mod row;
 
-use std::fs::{self, File, OpenOptions};
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 use reconstruct::{Domain, FitOptions, OutputPaths, Tolerance, write_outputs};
 use serde_json::Value;
 
+use super::finished::Cache;
 use super::markdown::table;
 use crate::timed_fit::timed_fit;
 use files::{KINDS, Kind, OWN_DOMAINS};
@@ -53,7 +53,7 @@ pub fn document(truth: &Truth<'_>, log: &mut dyn FnMut(&str)) -> Result<String> 
     let root = crate::workspace_root();
     check_python(truth.python)?;
     let commit = crate::process::commit(&root, &CODE);
-    let mut cache = Cache::open(truth, &commit)?;
+    let mut cache = Cache::open(truth.cache, truth.resume, &commit)?;
     let surfaces = truth.cache.with_extension("surfaces");
     fs::create_dir_all(&surfaces).with_context(|| format!("cannot create {}", surfaces.display()))?;
     let mut rows = Vec::new();
@@ -65,7 +65,7 @@ pub fn document(truth: &Truth<'_>, log: &mut dyn FnMut(&str)) -> Result<String> 
                 continue;
             }
             for percent in PERCENTS {
-                if let Some(row) = cache.take(file, percent) {
+                if let Some(row) = cache.take(|row: &Row| row.file == *file && row.percent == percent) {
                     rows.push(row);
                 } else if truth.only.is_none_or(|only| file.contains(only)) {
                     log(&format!("{file} at {percent} %"));
@@ -78,43 +78,6 @@ pub fn document(truth: &Truth<'_>, log: &mut dyn FnMut(&str)) -> Result<String> 
         }
     }
     Ok(page(&rows, &commit))
-}
-
-/// Rows that are finished.
-struct Cache {
-    file: File,
-    path: PathBuf,
-    commit: String,
-    rows: Vec<Row>,
-}
-
-impl Cache {
-    /// With the rows of this commit; empty unless a run is to be resumed. Finished rows stay in the file in any case.
-    fn open(truth: &Truth<'_>, commit: &str) -> Result<Self> {
-        let path = truth.cache.to_owned();
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
-        }
-        let text = if truth.resume && path.is_file() {
-            fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?
-        } else {
-            String::new()
-        };
-        let rows = text.lines().filter_map(|line| Row::from_json(line, commit)).collect();
-        let file = OpenOptions::new().create(true).append(true).open(&path);
-        let file = file.with_context(|| format!("cannot write {}", path.display()))?;
-        Ok(Self { file, path, commit: commit.to_owned(), rows })
-    }
-
-    fn take(&mut self, file: &str, percent: f64) -> Option<Row> {
-        let at = self.rows.iter().rposition(|row| row.file == file && row.percent == percent)?;
-        Some(self.rows.remove(at))
-    }
-
-    fn add(&mut self, row: &Row) -> Result<()> {
-        writeln!(self.file, "{}", row.to_json(&self.commit))
-            .with_context(|| format!("cannot write {}", self.path.display()))
-    }
 }
 
 fn check_python(python: &Path) -> Result<()> {

@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use super::super::finished::Finished;
 use super::files::CROSSING;
 
 /// Share of the area that has to be within the tolerance for exit code 0: the default 0.95 less 0.01.
@@ -43,17 +44,15 @@ pub(super) struct Row {
     pub(super) measured: Value,
 }
 
-impl Row {
-    /// As a line of the file of finished rows, with the commit that made it.
-    pub(super) fn to_json(&self, commit: &str) -> Value {
+impl Finished for Row {
+    fn to_json(&self, commit: &str) -> Value {
         serde_json::json!({
             "commit": commit, "file": self.file, "percent": self.percent, "exit": self.exit, "error": self.error,
             "seconds": self.seconds, "result": self.result, "measured": self.measured,
         })
     }
 
-    /// A row from a line of that commit; nothing from any other line.
-    pub(super) fn from_json(line: &str, commit: &str) -> Option<Self> {
+    fn from_json(line: &str, commit: &str) -> Option<Self> {
         let value: Value = serde_json::from_str(line).ok()?;
         (value["commit"].as_str()? == commit).then_some(())?;
         Some(Self {
@@ -66,7 +65,9 @@ impl Row {
             measured: value["measured"].clone(),
         })
     }
+}
 
+impl Row {
     /// A reported figure: the first of the paths, with dots between keys, that the report has.
     pub(super) fn reported(&self, paths: &[&str]) -> Option<f64> {
         paths.iter().find_map(|path| number(&self.result, path))
