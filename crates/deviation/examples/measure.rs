@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::time::Instant;
 
-use deviation::{Tessellation, creases, curvature_radii, self_crossings};
+use deviation::{TessellatedPatch, Tessellation, creases, curvature_radii, self_crossings};
 use ndarray::Array2;
 use thb_core::{CellSpace, HierarchicalSpace, Kind, KnotVector, SplineMap};
 
@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             };
             let tessellation = Tessellation::new(&map, chord, 1_000_000)?;
             let of_triangles = lap();
-            let crossings = self_crossings(&map, &tessellation, 1e-9)?;
+            let crossings = self_crossings(&[TessellatedPatch { map: &map, tessellation: &tessellation }], 1e-9)?;
             let of_crossings = lap();
             let creased = creases(&map, 8)?;
             let of_creases = lap();

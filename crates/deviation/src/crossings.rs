@@ -1,4 +1,4 @@
-//! Places where a surface passes through itself.
+//! Places where a surface, of one patch or of several, passes through itself.
 
 use point_cloud::DisjointSets;
 use point_cloud::vec3::{add, cross, dot, norm, scale, sub, unit};
@@ -33,9 +33,11 @@ const MAX_TESTS: usize = 200_000_000;
 pub struct Crossing {
     /// A point of the crossing, where it is deepest.
     pub place: [f64; 3],
-    /// The two parameters of that point.
+    /// The patches of the two sheets that meet there.
+    pub patches: [usize; 2],
+    /// The parameters of that point on either.
     pub parameters: [[f64; 2]; 2],
-    /// The two triangles that meet there.
+    /// The triangles of either that meet there.
     pub triangles: [u32; 2],
     /// How far corners of one triangle lie beyond the sheet of the other one, on the side where that is less.
     pub depth: f64,
@@ -56,26 +58,37 @@ pub struct Crossings {
     pub complete: bool,
 }
 
-/// Finds the places where a surface passes through itself by more than `least_depth`. `tessellation` is one of `map`.
+/// A patch of a surface with its triangles.
+#[derive(Clone, Copy, Debug)]
+pub struct TessellatedPatch<'a> {
+    /// The patch.
+    pub map: &'a SplineMap<2>,
+    /// Triangles over it.
+    pub tessellation: &'a Tessellation,
+}
+
+/// Finds the places where a surface passes through itself by more than `least_depth`.
 ///
 /// **Candidates** are pairs of triangles that pass through one another. Pairs with a side in common are none: where they lie on
 /// one another, the surface is folded over.
 ///
 /// **Judgement.** Triangles may pass through one another where the surface only comes near itself or touches itself: the sides
-/// of a thin blade, the sides of a sheet that meet along a seam, triangles round a pole. So the surface decides: from the corners
+/// of a thin blade, the sides of a sheet that meet along a seam, patches along an arc that their triangles divide differently,
+/// triangles round a pole. So the surface decides: from the corners
 /// of one triangle, which lie on the surface, the feet on the sheet of the other triangle are found by Newton's method. A pair
-/// counts if corners lie on both sides of that sheet, farther than `least_depth`; those whose foot is on the rim or is the corner
-/// itself tell nothing. The [`Crossing::depth`] is thus one of the surface; crossings deeper than the chord errors of two
-/// triangles together are found, shallower ones by chance.
+/// counts if corners lie on both sides of that sheet, farther than `least_depth`; those whose foot is on the rim of the other's patch
+/// or is the corner itself tell nothing. The [`Crossing::depth`] is thus one of the surface; crossings deeper than the chord errors of
+/// two triangles together are found, shallower ones by chance.
 ///
 /// Plain arithmetic will do to find candidates: where it errs, depths are round-off, and the surface decides.
 ///
 /// # Errors
 /// [`Error::Space`].
-pub fn self_crossings(map: &SplineMap<2>, tessellation: &Tessellation, least_depth: f64) -> Result<Crossings, Error> {
-    let mut search = Search::new(tessellation, least_depth);
+pub fn self_crossings(patches: &[TessellatedPatch<'_>], least_depth: f64) -> Result<Crossings, Error> {
+    let all = Triangles::new(patches);
+    let mut search = Search::new(&all, least_depth);
     let complete = search.run();
-    let judge = Judge { map, tessellation, least_depth: search.least_depth };
+    let judge = Judge { all: &all, least_depth: search.least_depth };
     let mut pairs = search.pairs;
     let mut failure = None;
     pairs.retain_mut(|pair| match judge.depth(pair.triangles) {
@@ -91,6 +104,53 @@ pub fn self_crossings(map: &SplineMap<2>, tessellation: &Tessellation, least_dep
     match failure {
         Some(error) => Err(error),
         None => Ok(Crossings { places: judge.gathered(&pairs)?, pairs: pairs.len(), complete }),
+    }
+}
+
+/// The triangles of all patches, one list after the other.
+struct Triangles<'a> {
+    patches: &'a [TessellatedPatch<'a>],
+    /// The patch of each triangle, and its number there.
+    owners: Vec<(u32, u32)>,
+    /// The number of vertices of the patches before each patch.
+    first_vertex: Vec<u32>,
+}
+
+impl<'a> Triangles<'a> {
+    fn new(patches: &'a [TessellatedPatch<'a>]) -> Self {
+        let triangles_of = |(patch, of): (usize, &TessellatedPatch<'_>)| {
+            (0..of.tessellation.triangles.len()).map(move |triangle| (patch as u32, triangle as u32))
+        };
+        let owners = patches.iter().enumerate().flat_map(triangles_of).collect();
+        let mut vertices = 0;
+        let first_vertex = patches.iter().map(|patch| {
+            let first = vertices;
+            vertices += patch.tessellation.vertices.len() as u32;
+            first
+        });
+        Self { patches, owners, first_vertex: first_vertex.collect() }
+    }
+
+    /// The patch of a triangle, and its number there.
+    fn owner(&self, triangle: u32) -> (TessellatedPatch<'a>, usize) {
+        let (patch, triangle) = self.owners[triangle as usize];
+        (self.patches[patch as usize], triangle as usize)
+    }
+
+    fn corners(&self, triangle: u32) -> [[f64; 3]; 3] {
+        let (patch, triangle) = self.owner(triangle);
+        patch.tessellation.corners(triangle)
+    }
+
+    /// Numbers of its corners among the vertices of all patches.
+    fn numbers(&self, triangle: u32) -> [u32; 3] {
+        let (patch, triangle) = self.owners[triangle as usize];
+        self.patches[patch as usize].tessellation.triangles[triangle as usize]
+            .map(|v| self.first_vertex[patch as usize] + v)
+    }
+
+    fn vertices(&self) -> impl Iterator<Item = &[f64; 3]> {
+        self.patches.iter().flat_map(|patch| &patch.tessellation.vertices)
     }
 }
 
@@ -212,7 +272,7 @@ fn common_segment(a: &Face, b: &Face, round_off: f64) -> Option<[[[f64; 3]; 2]; 
 /// of the list, every further level boxes round two of the one before. The triangles follow a space-filling curve already, so
 /// nothing need be sorted.
 struct Search<'a> {
-    tessellation: &'a Tessellation,
+    all: &'a Triangles<'a>,
     faces: Vec<Face>,
     levels: Vec<Vec<Extent>>,
     round_off: f64,
@@ -221,8 +281,8 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(tessellation: &'a Tessellation, least_depth: f64) -> Self {
-        let faces: Vec<Face> = (0..tessellation.triangles.len()).map(|t| Face::new(tessellation.corners(t))).collect();
+    fn new(all: &'a Triangles<'a>, least_depth: f64) -> Self {
+        let faces: Vec<Face> = (0..all.owners.len()).map(|t| Face::new(all.corners(t as u32))).collect();
         let joined = |boxes: &[Extent]| boxes.iter().fold(Extent::NOTHING, |all, &b| all.joined(b));
         let mut levels: Vec<Vec<Extent>> = vec![
             faces.chunks(LEAF).map(|run| run.iter().fold(Extent::NOTHING, |all, f| all.joined(f.extent))).collect(),
@@ -231,9 +291,9 @@ impl<'a> Search<'a> {
             let next = last.chunks(2).map(joined).collect();
             levels.push(next);
         }
-        let largest = tessellation.vertices.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let largest = all.vertices().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
         let round_off = ROUND_OFF * largest;
-        Self { tessellation, faces, levels, round_off, least_depth: least_depth.max(round_off), pairs: Vec::new() }
+        Self { all, faces, levels, round_off, least_depth: least_depth.max(round_off), pairs: Vec::new() }
     }
 
     /// Finds the pairs; whether it went to its end.
@@ -289,7 +349,7 @@ impl<'a> Search<'a> {
         if !a.extent.overlaps(&b.extent) {
             return None;
         }
-        let corners = [first, second].map(|t| self.tessellation.triangles[t]);
+        let corners = [first, second].map(|t| self.all.numbers(t as u32));
         if corners[0].iter().filter(|v| corners[1].contains(v)).count() > 1 {
             return None;
         }
@@ -314,30 +374,29 @@ struct Frame {
     tangents: [[f64; 3]; 2],
 }
 
+fn frame(map: &SplineMap<2>, u: [f64; 2]) -> Result<Frame, Error> {
+    let cell = map.space().locate_cell(u)?;
+    let mut frame = Frame { point: [0.0; 3], tangents: [[0.0; 3]; 2] };
+    let bezier = map.bezier();
+    bezier.derivative(cell, u, [0, 0], &mut frame.point);
+    bezier.derivative(cell, u, [1, 0], &mut frame.tangents[0]);
+    bezier.derivative(cell, u, [0, 1], &mut frame.tangents[1]);
+    Ok(frame)
+}
+
 /// Asks the surface itself.
 struct Judge<'a> {
-    map: &'a SplineMap<2>,
-    tessellation: &'a Tessellation,
+    all: &'a Triangles<'a>,
     least_depth: f64,
 }
 
 impl Judge<'_> {
-    fn frame(&self, u: [f64; 2]) -> Result<Frame, Error> {
-        let cell = self.map.space().locate_cell(u)?;
-        let mut frame = Frame { point: [0.0; 3], tangents: [[0.0; 3]; 2] };
-        let bezier = self.map.bezier();
-        bezier.derivative(cell, u, [0, 0], &mut frame.point);
-        bezier.derivative(cell, u, [1, 0], &mut frame.tangents[0]);
-        bezier.derivative(cell, u, [0, 1], &mut frame.tangents[1]);
-        Ok(frame)
-    }
-
     /// How far the corners of either triangle lie on both sides of the sheet of the other one.
     fn depth(&self, triangles: [u32; 2]) -> Result<f64, Error> {
         let mut depth = 0.0_f64;
         for [of, from] in [triangles, [triangles[1], triangles[0]]] {
             let [mut low, mut high] = [0.0_f64; 2];
-            for corner in self.tessellation.triangles[from as usize] {
+            for corner in self.all.corners(from) {
                 let height = self.height(corner, of)?;
                 (low, high) = (low.min(height), high.max(height));
             }
@@ -346,16 +405,16 @@ impl Judge<'_> {
         Ok(depth)
     }
 
-    /// The height of a vertex above the sheet of a triangle; 0 where it has no foot there.
-    fn height(&self, vertex: u32, triangle: u32) -> Result<f64, Error> {
-        let space = self.map.space();
-        let x = self.tessellation.vertices[vertex as usize];
-        let corners = self.tessellation.corners(triangle as usize);
+    /// The height of a point above the sheet of a triangle; 0 where it has no foot there.
+    fn height(&self, x: [f64; 3], triangle: u32) -> Result<f64, Error> {
+        let (TessellatedPatch { map, tessellation }, triangle) = self.all.owner(triangle);
+        let space = map.space();
+        let corners = tessellation.corners(triangle);
         let barycentric = point_cloud::barycentric_in_plane(x, corners).unwrap_or([1.0, 0.0, 0.0]).map(|b| b.max(0.0));
         let sum: f64 = barycentric.iter().sum();
-        let mut u = self.tessellation.parameters_at(triangle as usize, barycentric.map(|b| b / sum));
+        let mut u = tessellation.parameters_at(triangle, barycentric.map(|b| b / sum));
         for _ in 0..MAX_STEPS {
-            let Frame { point, tangents } = self.frame(u)?;
+            let Frame { point, tangents } = frame(map, u)?;
             let way = sub(x, point);
             let area_vector = cross(tangents[0], tangents[1]);
             let area = norm(area_vector);
@@ -385,11 +444,16 @@ impl Judge<'_> {
 
     /// A common point of two sheets near the given parameters: Newton's method with the smallest step, from the given ones if
     /// it does not lead to one within a few triangles.
-    fn common_point(&self, parameters: [[f64; 2]; 2], size: f64) -> Result<([[f64; 2]; 2], [f64; 3]), Error> {
-        let start = self.frame(parameters[0])?.point;
+    fn common_point(
+        &self,
+        maps: [&SplineMap<2>; 2],
+        parameters: [[f64; 2]; 2],
+        size: f64,
+    ) -> Result<([[f64; 2]; 2], [f64; 3]), Error> {
+        let start = frame(maps[0], parameters[0])?.point;
         let mut at = parameters;
         for _ in 0..MAX_STEPS {
-            let frames = [self.frame(at[0])?, self.frame(at[1])?];
+            let frames = [frame(maps[0], at[0])?, frame(maps[1], at[1])?];
             let way = sub(frames[1].point, frames[0].point);
             if norm(sub(frames[0].point, start)) > size {
                 break;
@@ -414,7 +478,7 @@ impl Judge<'_> {
                     let k = 2 * side + d;
                     at[side][d] + sign * dot(units[k], multipliers) / lengths[k]
                 });
-                at[side] = self.map.space().to_domain(next);
+                at[side] = maps[side].space().to_domain(next);
             }
             if at.iter().flatten().any(|x| !x.is_finite()) {
                 break;
@@ -425,18 +489,17 @@ impl Judge<'_> {
 
     /// Gathers pairs into connected places: pairs with a vertex in common belong together.
     fn gathered(&self, pairs: &[Pair]) -> Result<Vec<Crossing>, Error> {
-        let tessellation = self.tessellation;
-        let mut sets = DisjointSets::new(tessellation.vertices.len());
-        let first_vertex = |pair: &Pair| tessellation.triangles[pair.triangles[0] as usize][0];
+        let mut sets = DisjointSets::new(self.all.vertices().count());
+        let first_vertex = |pair: &Pair| self.all.numbers(pair.triangles[0])[0];
         for pair in pairs {
-            for v in pair.triangles.into_iter().flat_map(|t| tessellation.triangles[t as usize]) {
+            for v in pair.triangles.into_iter().flat_map(|t| self.all.numbers(t)) {
                 sets.join(first_vertex(pair), v);
             }
         }
         let mut members: Vec<(u32, usize)> =
             pairs.iter().enumerate().map(|(k, pair)| (sets.root(first_vertex(pair)), k)).collect();
         members.sort_unstable();
-        let point = |t: u32, barycentric: [f64; 3]| point_at(tessellation.corners(t as usize), barycentric);
+        let point = |t: u32, barycentric: [f64; 3]| point_at(self.all.corners(t), barycentric);
         let mut places = Vec::new();
         for group in members.chunk_by(|a, b| a.0 == b.0) {
             let of_group = || group.iter().map(|&(_, k)| &pairs[k]);
@@ -446,22 +509,28 @@ impl Judge<'_> {
                 .diagonal();
             let by_depth = |a: &&Pair, b: &&Pair| a.depth.total_cmp(&b.depth).then(b.triangles.cmp(&a.triangles));
             let Some(deepest) = of_group().max_by(by_depth) else { continue };
-            let size = deepest.triangles.map(|t| Extent::of(&tessellation.corners(t as usize)).diagonal());
+            let size = deepest.triangles.map(|t| Extent::of(&self.all.corners(t)).diagonal());
+            let owners = deepest.triangles.map(|t| self.all.owner(t));
             let middle = std::array::from_fn(|side| {
                 let barycentric = scale(0.5, add(deepest.ends[0][side], deepest.ends[1][side]));
-                tessellation.parameters_at(deepest.triangles[side] as usize, barycentric)
+                let (patch, triangle) = owners[side];
+                patch.tessellation.parameters_at(triangle, barycentric)
             });
-            let (parameters, place) = self.common_point(middle, 2.0 * size[0].max(size[1]))?;
+            let (parameters, place) =
+                self.common_point(owners.map(|(patch, _)| patch.map), middle, 2.0 * size[0].max(size[1]))?;
             places.push(Crossing {
                 place,
+                patches: deepest.triangles.map(|t| self.all.owners[t as usize].0 as usize),
                 parameters,
-                triangles: deepest.triangles,
+                triangles: owners.map(|(_, triangle)| triangle as u32),
                 depth: deepest.depth,
                 pairs: group.len(),
                 extent,
             });
         }
-        places.sort_by(|a, b| b.extent.total_cmp(&a.extent).then(a.triangles.cmp(&b.triangles)));
+        places.sort_by(|a, b| {
+            b.extent.total_cmp(&a.extent).then((a.patches, a.triangles).cmp(&(b.patches, b.triangles)))
+        });
         Ok(places)
     }
 }
@@ -483,7 +552,17 @@ mod tests;
 /// Derived: both sheets of the surface are within one tolerance of those of the scan.
 const EXPLAINED_NEAR: f64 = 3.0;
 
+/// Places that a report lists.
+const LISTED: usize = 10;
+
 impl Crossings {
+    /// With the largest places only.
+    #[must_use]
+    pub fn for_report(mut self) -> Self {
+        self.places.truncate(LISTED);
+        self
+    }
+
     /// Leaves out the places where the scan passes through itself, too: its `triangles`, which name `points`.
     pub fn forgive(&mut self, points: &[[f64; 3]], triangles: &[[u32; 3]], tolerance: f64) {
         let is_in_scan = |crossing: &Crossing| {

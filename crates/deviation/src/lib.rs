@@ -26,7 +26,7 @@ mod tilted;
 mod verdict;
 
 pub use creases::creases;
-pub use crossings::{Crossing, Crossings, self_crossings};
+pub use crossings::{Crossing, Crossings, TessellatedPatch, self_crossings};
 pub use curved::{CREASE_DEGREES, CurvedTriangles};
 pub use distances::Distances;
 pub use error::Error;

@@ -10,7 +10,10 @@ use crate::gathered::Node;
 use crate::parts::{Judged, Piece, farthest, for_each_part, for_each_place, pieces, radius, worth_cutting};
 use crate::scan::{Cloud, Kind, Mesh};
 use crate::search::{Foot, SurfaceSearch};
-use crate::{Crossings, Distances, Error, Gathered, Scan, Tessellation, Thresholds, curvature_radii, self_crossings};
+use crate::{
+    Crossings, Distances, Error, Gathered, Scan, TessellatedPatch, Tessellation, Thresholds, curvature_radii,
+    self_crossings,
+};
 
 /// Widening of the band between facet and curved triangle: the curved one is no exact surface either.
 ///
@@ -37,9 +40,6 @@ const BETWEEN: f64 = 0.1;
 ///
 /// Derived: a twentieth of the tolerance changes a share of the area by a few 10⁻³ at most.
 const CHORD: f64 = 0.05;
-
-/// Crossings that a report lists.
-const LISTED_CROSSINGS: usize = 10;
 
 /// Chord error in diagonals of the surface's box that is asked at least, however small the tolerance.
 ///
@@ -265,8 +265,7 @@ impl<'a> Measured<'a> {
                 SurfaceSide { folded, ..self.surface_to_cloud(scan.points, cloud, tolerance) }
             }
         };
-        let mut crossings = self.crossings(scan, tolerance)?;
-        crossings.places.truncate(LISTED_CROSSINGS);
+        let crossings = self.crossings(scan, tolerance)?.for_report();
         let radii = curvature_radii(self.map, self.tessellation)?;
         Ok(Deviation {
             crossings,
@@ -295,7 +294,8 @@ impl<'a> Measured<'a> {
     /// # Errors
     /// [`Error::Space`].
     pub fn crossings(&self, scan: &Scan<'_>, tolerance: f64) -> Result<Crossings, Error> {
-        let mut crossings = self_crossings(self.map, self.tessellation, 0.0)?;
+        let Self { map, tessellation, .. } = *self;
+        let mut crossings = self_crossings(&[TessellatedPatch { map, tessellation }], 0.0)?;
         crossings.forgive(scan.points, scan.sheet(), tolerance);
         Ok(crossings)
     }

@@ -16,7 +16,7 @@ fn extent_of(map: &SplineMap<2>) -> f64 {
 fn crossings(map: &SplineMap<2>, share: f64, least_share: f64) -> Crossings {
     let size = extent_of(map);
     let tessellation = Tessellation::new(map, share * size, 1_000_000).unwrap();
-    let found = self_crossings(map, &tessellation, least_share * size).unwrap();
+    let found = self_crossings(&[TessellatedPatch { map, tessellation: &tessellation }], least_share * size).unwrap();
     assert!(found.complete);
     // Both parameters of a place lead there.
     for crossing in &found.places {
@@ -274,11 +274,62 @@ fn the_order_of_work_is_bounded_for_a_surface_that_is_one_heap() {
         [t.sin(), (1.7 * t).cos(), (0.3 * t + 90.0 * v).sin()]
     });
     let tessellation = Tessellation::new(&map, 1e-3, 60_000).unwrap();
-    let found = self_crossings(&map, &tessellation, random.between(0.0, 1e-6)).unwrap();
+    let found =
+        self_crossings(&[TessellatedPatch { map: &map, tessellation: &tessellation }], random.between(0.0, 1e-6))
+            .unwrap();
     assert!(found.pairs > 1000);
     // All in one point.
     let map = interpolated([30, 30], [false, false], |_, _| [1.0, 2.0, 3.0]);
     let tessellation = Tessellation::new(&map, 1e-3, 60_000).unwrap();
-    let found = self_crossings(&map, &tessellation, 0.0).unwrap();
+    let found = self_crossings(&[TessellatedPatch { map: &map, tessellation: &tessellation }], 0.0).unwrap();
     assert_eq!((found.pairs, found.complete), (0, true));
+}
+
+/// A patch over `(u, v) ↦ origin + u · first + v · second`, bent by `bend · sin(π u) sin(π v)` along z.
+fn bent_patch(origin: [f64; 3], first: [f64; 3], second: [f64; 3], bend: f64) -> SplineMap<2> {
+    interpolated([6, 6], [false, false], |u, v| {
+        let flat = add(origin, add(scale(u, first), scale(v, second)));
+        add(flat, [0.0, 0.0, bend * (PI * u).sin() * (PI * v).sin()])
+    })
+}
+
+fn crossings_of_patches(maps: &[SplineMap<2>], chords: &[f64]) -> Crossings {
+    let tessellations: Vec<Tessellation> =
+        maps.iter().zip(chords).map(|(map, &chord)| Tessellation::new(map, chord, 100_000).unwrap()).collect();
+    let patches = maps.iter().zip(&tessellations).map(|(map, tessellation)| TessellatedPatch { map, tessellation });
+    self_crossings(&patches.collect::<Vec<_>>(), 0.0).unwrap()
+}
+
+#[test]
+fn patches_cross_one_another_where_one_is_pushed_through_the_other() {
+    let mut random = Random::new(5);
+    for _ in 0..10 {
+        let (gap, over) = (random.between(0.05, 0.3), random.between(0.05, 0.3));
+        let lower = bent_patch([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], gap + over);
+        let upper = bent_patch([0.0, 0.0, gap], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], 0.0);
+        let aside = bent_patch([2.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.3);
+        let found = crossings_of_patches(&[aside, lower, upper], &[1e-3; 3]);
+        assert_eq!(found.places.len(), 1, "{found:?}");
+        let place = &found.places[0];
+        assert_eq!(place.patches, [1, 2]);
+        assert!((place.place[2] - gap).abs() < 5e-3, "{place:?}");
+        let [bulge, plane] = place.parameters;
+        assert!(((gap + over) * (PI * bulge[0]).sin() * (PI * bulge[1]).sin() - gap).abs() < 0.02, "{place:?}");
+        assert!((plane[0] - bulge[1]).abs() + (plane[1] - bulge[0]).abs() < 0.02, "{place:?}");
+    }
+}
+
+#[test]
+fn patches_that_meet_along_arcs_do_not_cross_however_their_triangles_divide_them() {
+    // Two bulges side by side on one bulged arc, and a wall that stands on it.
+    let mut random = Random::new(6);
+    for _ in 0..10 {
+        let bulge = random.between(0.05, 0.5);
+        let rim = |t: f64| bulge * (PI * t).sin();
+        let left = interpolated([7, 7], [false, false], |u, v| [u - 1.0, v, u * rim(v)]);
+        let right = interpolated([7, 7], [false, false], |u, v| [u, v, (1.0 - u) * rim(v)]);
+        let below = interpolated([7, 7], [false, false], |u, v| [0.2 * u * u, v, rim(v) - u]);
+        let found = crossings_of_patches(&[left, right, below], &[1e-2, 1e-3, 3e-4]);
+        assert_eq!(found.places, [], "{bulge}");
+    }
 }

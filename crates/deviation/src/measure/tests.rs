@@ -180,7 +180,8 @@ fn a_surface_may_pass_through_itself_where_the_scan_does() {
         };
         let (map, (points, triangles)) = (interpolated([24, 3], [false, false], sweep), grid(60, sweep));
         let tessellation = tessellate(&map, 0.01).unwrap();
-        let found = crate::self_crossings(&map, &tessellation, 0.0).unwrap();
+        let found =
+            crate::self_crossings(&[crate::TessellatedPatch { map: &map, tessellation: &tessellation }], 0.0).unwrap();
         assert!(found.places.len() == 1 && found.places[0].extent > 1.9, "case {case}: {found:?}");
         let [x, y, z] = found.places[0].place;
         assert!(x.abs() < 0.02 && (y - 0.5 * slant * z).abs() < 0.02, "case {case}: {:?}", found.places[0]);

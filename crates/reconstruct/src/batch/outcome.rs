@@ -268,8 +268,13 @@ fn reason_of_solid(reason: &SolidReason) -> Reason {
         SolidReason::Folded { places, .. } => ("folded", places as f64, 0.0),
         SolidReason::TooFar { of: "mesh", distance, limit } => ("scan-too-far", distance, limit),
         SolidReason::TooFar { distance, limit, .. } => ("surface-too-far", distance, limit),
+        SolidReason::CrossesItself { extent, .. } => ("crosses-itself", extent, 0.0),
         SolidReason::Kinked { angle } => ("kinked", angle, KINK),
         SolidReason::TurnedOver { angle } => ("turned-over", angle, TURNED_OVER),
     };
-    Reason { code: code.into(), verdict: Verdict::Failed, text: reason.to_string(), figure, limit, place: None }
+    let place = match *reason {
+        SolidReason::CrossesItself { place, .. } => Some(place),
+        _ => None,
+    };
+    Reason { code: code.into(), verdict: Verdict::Failed, text: reason.to_string(), figure, limit, place }
 }

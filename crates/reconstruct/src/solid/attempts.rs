@@ -114,14 +114,14 @@ impl Attempt {
     }
 }
 
-/// Whether a fit is better than another: by whether it is what was asked for, by how much folds, by what is creased or turned over, by the number of
-/// faces where nothing is wrong, by the distance.
+/// Whether a fit is better than another: by whether it is what was asked for, by how much folds, by how much passes through itself, by what
+/// is creased or turned over, by the number of faces where nothing is wrong, by the distance.
 fn is_better(attempt: &Attempt, than: &Attempt) -> bool {
     let rank = |of: &Attempt| {
-        let SolidReport { folded_faces, folded_places, layout, .. } = &of.report;
+        let SolidReport { folded_faces, folded_places, crossings, layout, .. } = &of.report;
         let faces = if of.is_reached() { layout.faces } else { 0 };
         let creased = [KINK, TURNED_OVER].iter().filter(|&&angle| of.report.angles.max >= angle).count();
-        (!of.is_reached(), folded_faces.len(), *folded_places, creased, faces)
+        (!of.is_reached(), folded_faces.len(), *folded_places, crossings.pairs, creased, faces)
     };
     let far = |of: &Attempt| of.report.mesh_to_surface.p99.max(of.report.surface_to_mesh.p99);
     rank(attempt).cmp(&rank(than)).then(far(attempt).total_cmp(&far(than))).is_lt()

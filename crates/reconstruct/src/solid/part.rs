@@ -66,7 +66,7 @@ impl Part<'_> {
         };
         let fitted = multi_patch::fit(problem, &fit_options)?;
         let _ = watch(Event::Step("measuring"));
-        let report = report::measured(path, mesh, layout, &sharp, &fitted, options);
+        let report = report::measured(path, mesh, layout, &sharp, &fitted, options)?;
         let Fitted { surface, samples, distances, .. } = fitted;
         Ok(Attempt { surface, samples, distances, report })
     }

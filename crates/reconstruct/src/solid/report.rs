@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use deviation::{Crossing, Crossings, TessellatedPatch, self_crossings};
 use multi_patch::{AngleReport, Fitted, Step, Surface, TURNED_OVER, angles, folds, integrals};
 use point_cloud::vec3::{cross, norm};
 use quad_layout::QuadLayout;
@@ -13,6 +14,7 @@ use thb_core::CellSpace;
 
 use super::SolidOptions;
 use super::mesh::SolidMesh;
+use crate::Error;
 
 /// Largest distance anywhere, in tolerances.
 ///
@@ -57,6 +59,8 @@ pub struct SolidReport {
     pub folded_faces: Vec<usize>,
     /// Places, of 25 in each element, at which it does.
     pub folded_places: usize,
+    /// Places where the surface passes through itself and the mesh does not, the largest first; ten at most.
+    pub crossings: Crossings,
     /// Volume, of a closed surface.
     pub volume: Option<SolidVolume>,
     /// What happened.
@@ -140,6 +144,15 @@ pub enum SolidReason {
         /// Number of places.
         places: usize,
     },
+    /// The surface passes through itself.
+    CrossesItself {
+        /// Where it does so along the greatest length.
+        place: [f64; 3],
+        /// How far one sheet reaches through the other there.
+        depth: f64,
+        /// How long the place is.
+        extent: f64,
+    },
     /// Faces that should meet smoothly are creased.
     Kinked {
         /// The largest angle between neighbouring faces, in degrees.
@@ -171,6 +184,11 @@ impl fmt::Display for SolidReason {
                 f,
                 "{faces} faces fold, at {places} places: the corners of the layout's patches \
                 there may be too sharp or too flat"
+            ),
+            Self::CrossesItself { place: [x, y, z], depth, extent } => write!(
+                f,
+                "the surface passes through itself near ({x:.6}, {y:.6}, {z:.6}), by {depth:.4e} over a length of {extent:.4e}: \
+                a wall of the part may be thinner there than the tolerance, a smaller one (--tol) keeps its sides apart"
             ),
             Self::Kinked { angle } => write!(
                 f,
@@ -219,7 +237,23 @@ fn percentile(mut weighted: Vec<(f64, f64)>, share: f64) -> f64 {
     weighted.last().map_or(0.0, |(distance, _)| *distance)
 }
 
+/// The places where a surface passes through itself and the mesh does not.
+fn crossings_of(mesh: &SolidMesh, surface: &Surface, tolerance: f64) -> Result<Crossings, Error> {
+    let space = surface.space();
+    let maps = (0..space.n_patches()).map(|patch| space.patch_map(patch, surface.coefficients()));
+    let maps = maps.collect::<Result<Vec<_>, _>>()?;
+    let tessellations = maps.par_iter().map(|map| deviation::tessellate(map, tolerance));
+    let tessellations = tessellations.collect::<Result<Vec<_>, _>>()?;
+    let patches = maps.iter().zip(&tessellations).map(|(map, tessellation)| TessellatedPatch { map, tessellation });
+    let mut crossings = self_crossings(&patches.collect::<Vec<_>>(), 0.0)?;
+    crossings.forgive(mesh.curved.vertices(), mesh.curved.triangles(), tolerance);
+    Ok(crossings)
+}
+
 /// Measures a fit.
+///
+/// # Errors
+/// [`Error`], where the surface cannot be evaluated.
 pub(super) fn measured(
     path: &Path,
     mesh: &SolidMesh,
@@ -227,7 +261,7 @@ pub(super) fn measured(
     sharp: &[bool],
     fitted: &Fitted,
     options: &SolidOptions,
-) -> SolidReport {
+) -> Result<SolidReport, Error> {
     let tolerance = options.tol.resolve(mesh.diagonal);
     let surface = &fitted.surface;
     let samples = fitted.samples.as_slice().iter().zip(&fitted.distances);
@@ -251,13 +285,17 @@ pub(super) fn measured(
     if !folded.is_empty() {
         reasons.push(SolidReason::Folded { faces: folded.len(), places: folded_places });
     }
+    let crossings = crossings_of(mesh, surface, tolerance)?;
+    if let Some(&Crossing { place, depth, extent, .. }) = crossings.places.first() {
+        reasons.push(SolidReason::CrossesItself { place, depth, extent });
+    }
     let angles = angles(surface, sharp);
     if angles.max >= TURNED_OVER {
         reasons.push(SolidReason::TurnedOver { angle: angles.max });
     } else if angles.max >= KINK {
         reasons.push(SolidReason::Kinked { angle: angles.max });
     }
-    SolidReport {
+    Ok(SolidReport {
         schema: 1,
         input: path.to_owned(),
         triangles: mesh.curved.triangles().len(),
@@ -271,12 +309,13 @@ pub(super) fn measured(
         angles,
         folded_faces: folded.into_iter().map(|(patch, _)| patch).collect(),
         folded_places,
+        crossings: crossings.for_report(),
         volume,
         steps: fitted.steps.clone(),
         reasons,
         seconds: 0.0,
         options: options.clone(),
-    }
+    })
 }
 
 fn layout_report(layout: &QuadLayout, sharp: &[bool]) -> SolidLayoutReport {
